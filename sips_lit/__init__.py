@@ -1,0 +1,1 @@
+"""Succinct interest points: the fewest points that still give k inlier correspondences."""

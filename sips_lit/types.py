@@ -1,0 +1,227 @@
+"""The records and protocols that pass between the stages: this file is the design.
+
+Conventions (one place): a point is ``(x, y)`` float32 with (0, 0) at the *centre* of the top-left pixel; an image is
+grey uint8 (H, W); ``T_a_b`` is 4x4 float64 and maps points of frame b into frame a; keypoints come sorted by score,
+descending.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+GreyImage = NDArray[np.uint8]
+"""(H, W) uint8."""
+FloatArray = NDArray[np.floating[Any]]
+Norm = Literal["l2", "hamming"]
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A pinhole camera: ``matrix`` (3, 3) float64 in pixels, ``size`` (W, H) in pixels."""
+
+    matrix: FloatArray
+    size: tuple[int, int]
+
+
+class ImageSequence(ABC):
+    """Images of one moving camera in temporal order, with whatever else the data set knows about them.
+
+    ``name`` is unique within a run and safe as a file name. ``fingerprint`` changes whenever the frames change; caches
+    and indexes are keyed by it. Everything beyond ``frame`` is optional and is None where the data set lacks it.
+    """
+
+    name: str
+    fingerprint: str
+
+    @abstractmethod
+    def __len__(self) -> int: ...
+
+    @abstractmethod
+    def frame(self, index: int) -> GreyImage:
+        """Frame ``index`` as grey uint8 (H, W). Raises BadInputError when it cannot be read."""
+
+    def frame_name(self, index: int) -> str:
+        """What output files of frame ``index`` are called, without a suffix."""
+        return f"{self.name}_{index:06d}"
+
+    def camera(self, index: int) -> Camera | None:
+        """Intrinsics of frame ``index``."""
+        return None
+
+    def pose(self, index: int) -> FloatArray | None:
+        """``T_world_camera`` of frame ``index``, 4x4 float64, metres."""
+        return None
+
+    def depth(self, index: int) -> FloatArray | None:
+        """Depth along the optical axis (H, W) float32 in metres; NaN where unknown."""
+        return None
+
+    def right(self, index: int) -> GreyImage | None:
+        """The right image of a rectified stereo pair."""
+        return None
+
+    def homography(self, index0: int, index1: int) -> FloatArray | None:
+        """(3, 3) float64 that maps pixels of frame ``index0`` to pixels of frame ``index1``, for planar scenes."""
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class ViewGeometry:
+    """Known geometry of a pair: ``T_1_0`` (4, 4), cameras, depth maps (H, W) in metres with NaN where unknown.
+
+    ``depth1`` may be None: then points of image 1 are known only through image 0, and occlusion is not checked.
+    """
+
+    T_1_0: FloatArray
+    camera0: Camera
+    camera1: Camera
+    depth0: FloatArray
+    depth1: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True)
+class FramePair:
+    """Two frames of a sequence and everything between them.
+
+    ``frames`` holds every image from ``index0`` to ``index1`` in that order, both ends included (so it may run back in
+    time); trackers use these. ``image0`` and ``image1`` are what detectors and descriptors see: the ends of ``frames``,
+    photometrically augmented in training. ``homography`` maps pixels of image 0 to image 1.
+    """
+
+    name: str
+    index0: int
+    index1: int
+    frames: tuple[GreyImage, ...]
+    image0: GreyImage
+    image1: GreyImage
+    homography: FloatArray | None = None
+    geometry: ViewGeometry | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Keypoints:
+    """N points of one image, best first.
+
+    ``xy`` (N, 2) float32 pixels; ``score`` (N,) float32, descending (for SIPs the probability of being an inlier);
+    ``scale`` (N,) float32, the size of the point relative to the finest scale (1 = full resolution).
+    """
+
+    xy: NDArray[np.float32]
+    score: NDArray[np.float32]
+    scale: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    def best(self, n: int) -> Keypoints:
+        """The first ``n`` points (all, if there are fewer)."""
+        return Keypoints(self.xy[:n], self.score[:n], self.scale[:n])
+
+    @staticmethod
+    def empty() -> Keypoints:
+        """No points."""
+        none = np.zeros(0, np.float32)
+        return Keypoints(np.zeros((0, 2), np.float32), none, none)
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """Keypoints with their ``descriptors`` (N, D): float32 compared by ``l2``, or packed uint8 by ``hamming``."""
+
+    keypoints: Keypoints
+    descriptors: NDArray[Any]
+    norm: Norm
+
+    def __len__(self) -> int:
+        return len(self.keypoints)
+
+    def best(self, n: int) -> Features:
+        """The features of the first ``n`` points (all, if there are fewer)."""
+        return Features(self.keypoints.best(n), self.descriptors[:n], self.norm)
+
+
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """Match m joins point ``index0[m]`` of image 0 with point ``index1[m]`` of image 1; both (M,) int64."""
+
+    index0: NDArray[np.int64]
+    index1: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.index0)
+
+
+class Reason(IntEnum):
+    """Why a match, or a point, is an inlier or is not."""
+
+    INLIER = 0
+    UNMATCHED = 1
+    """The point has no match (only for points)."""
+    LOST = 2
+    """No correspondence: the track broke, or the point leaves the other image or is hidden there."""
+    FAR = 3
+    """The match is further from the true correspondence than the threshold."""
+    UNKNOWN = 4
+    """The truth is not known here (no depth, say): the match is ignored, neither inlier nor outlier."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inliers:
+    """The answer of an inlier check for M matches between N0 and N1 points.
+
+    ``inlier`` (M,) bool and ``reason`` (M,) uint8 (`Reason`), per match; ``known0`` (N0,) and ``known1`` (N1,) bool, per
+    point: whether the truth about it is known (if not, it is ignored in training).
+    """
+
+    inlier: NDArray[np.bool_]
+    reason: NDArray[np.uint8]
+    known0: NDArray[np.bool_]
+    known1: NDArray[np.bool_]
+
+
+class Detector(Protocol):
+    """Finds points, and describes them itself if ``describes`` is true."""
+
+    name: str
+    describes: bool
+
+    def detect(self, image: GreyImage, n: int) -> Keypoints:
+        """At most ``n`` points of ``image``, best first."""
+        ...
+
+    def detect_and_describe(self, image: GreyImage, n: int) -> Features:
+        """At most ``n`` points with the detector's own descriptors; only where ``describes`` is true."""
+        ...
+
+
+class Descriptor(Protocol):
+    """Describes given points."""
+
+    name: str
+    norm: Norm
+
+    def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
+        """(N, D) descriptors of the N keypoints, one each, whatever their distance to the border."""
+        ...
+
+
+class InlierCheck(Protocol):
+    """Says which matches of a pair are inliers, and why the others are not.
+
+    ``independent`` is true where the answer for a match does not depend on the other matches given (ground truth,
+    KLT): then one call answers for every budget. ``protocol`` names the method and its thresholds, for results.
+    """
+
+    independent: bool
+
+    @property
+    def protocol(self) -> Mapping[str, Any]: ...
+
+    def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers: ...
