@@ -189,8 +189,11 @@ class Inliers:
 class Detector(Protocol):
     """Finds points, and describes them itself if ``describes`` is true."""
 
-    name: str
-    describes: bool
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def describes(self) -> bool: ...
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points of ``image``, best first."""
@@ -204,8 +207,11 @@ class Detector(Protocol):
 class Descriptor(Protocol):
     """Describes given points."""
 
-    name: str
-    norm: Norm
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def norm(self) -> Norm: ...
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, D) descriptors of the N keypoints, one each, whatever their distance to the border."""
@@ -216,10 +222,15 @@ class InlierCheck(Protocol):
     """Says which matches of a pair are inliers, and why the others are not.
 
     ``independent`` is true where the answer for a match does not depend on the other matches given (ground truth,
-    KLT): then one call answers for every budget. ``protocol`` names the method and its thresholds, for results.
+    KLT): then one call answers for every budget. ``uses_frames`` is true where it looks at the frames between the two
+    images; without it they need not be read. ``protocol`` names the method and its thresholds, for results.
     """
 
-    independent: bool
+    @property
+    def independent(self) -> bool: ...
+
+    @property
+    def uses_frames(self) -> bool: ...
 
     @property
     def protocol(self) -> Mapping[str, Any]: ...

@@ -1,0 +1,105 @@
+"""Which points of an image the network selects: the step that training and inference share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from sips_lit.detect.nms import local_maxima
+from sips_lit.detect.pyramid import image_pyramid, suppress_across_levels, to_full_resolution
+from sips_lit.detect.score_network import Gradient, ScoreNetwork
+from sips_lit.detect.subpixel import quadratic_offsets
+from sips_lit.errors import BadInputError
+from sips_lit.types import GreyImage, Keypoints
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedPoints:
+    """N points and where in the network's pyramid they come from, best first.
+
+    ``keypoints`` as everywhere; ``level``, ``row``, ``column`` (N,) int64 name the logit that each point stands for.
+    """
+
+    keypoints: Keypoints
+    level: NDArray[np.int64]
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.keypoints)
+
+
+@dataclass(frozen=True, slots=True)
+class PointSelector:
+    """Selects the n best local maxima of a score network.
+
+    ``nms_radius``: no two points closer than or equal to it (pixels, Chebyshev); ``subpixel``: quadratic fit of the peaks.
+    """
+
+    nms_radius: int = 5
+    subpixel: bool = True
+
+    def __post_init__(self) -> None:
+        if self.nms_radius < 0:
+            raise ValueError(f"nms_radius is {self.nms_radius}; it counts pixels and can't be negative")
+
+    @torch.no_grad()
+    def select(self, network: ScoreNetwork, image: Tensor, n: int) -> SelectedPoints:
+        """At most ``n`` points of one image (1, 1, H, W) with values 0 to 255.
+
+        Raises BadInputError when the network's scores are not finite.
+        """
+        size = (image.shape[-2], image.shape[-1])
+        levels = image_pyramid(image, network.scales, network.scale_factor)
+        keep = n if len(levels) == 1 else None  # several levels lose points to suppression later, so none is cut here
+        parts = [self._level(network(level)[0, 0], index, size, keep) for index, level in enumerate(levels)]
+        xy, logit, place = (torch.cat(column).cpu() for column in zip(*parts, strict=True))
+        order = torch.sort(logit, descending=True, stable=True).indices
+        xy, logit, place = xy[order], logit[order], place[order]
+        where = place.numpy()
+        if len(levels) > 1:
+            kept = suppress_across_levels(xy.numpy(), where[:, 0], self.nms_radius, n)
+        else:
+            kept = np.arange(min(n, len(xy)))
+        scale = network.scale_factor ** where[kept, 0]
+        keypoints = Keypoints(xy.numpy()[kept], torch.sigmoid(logit).numpy()[kept], scale.astype(np.float32))
+        return SelectedPoints(keypoints, where[kept, 0], where[kept, 1], where[kept, 2])
+
+    def _level(
+        self, logits: Tensor, index: int, size: tuple[int, int], keep: int | None
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Points (N, 2) in full resolution, logits (N,) and places (N, 3) = (level, row, column) of one level."""
+        if not bool(torch.isfinite(logits).all()):
+            raise BadInputError(
+                "the score network gives values that are not finite: its weights are broken (a damaged file or a diverged "
+                "training); use another checkpoint, or train with a lower learning rate"
+            )
+        rows, columns = local_maxima(logits, self.nms_radius)
+        rows, columns = rows[:keep], columns[:keep]
+        xy = torch.stack([columns, rows], 1).to(logits.dtype)
+        if self.subpixel:
+            xy = xy + quadratic_offsets(logits, rows, columns)
+        if index > 0:
+            xy = to_full_resolution(xy, (logits.shape[0], logits.shape[1]), size)
+        return xy, logits[rows, columns], torch.stack([torch.full_like(rows, index), rows, columns], 1)
+
+
+def logits_at(network: ScoreNetwork, image: Tensor, points: SelectedPoints, gradient: Gradient) -> Tensor:
+    """Logits (N,) of the selected points of one image (1, 1, H, W), differentiable, in the order of the points."""
+    levels = image_pyramid(image, network.scales, network.scale_factor)
+    logits = image.new_zeros(len(points))
+    for index in np.unique(points.level):
+        mask = points.level == index
+        rows = torch.from_numpy(points.row[mask]).to(image.device)
+        columns = torch.from_numpy(points.column[mask]).to(image.device)
+        logits[torch.from_numpy(np.flatnonzero(mask)).to(image.device)] = network.at(levels[index], rows, columns, gradient)
+    return logits
+
+
+def image_tensor(image: GreyImage, device: torch.device | str = "cpu") -> Tensor:
+    """Grey uint8 (H, W) as the network's input (1, 1, H, W) float32 with values 0 to 255."""
+    return torch.from_numpy(np.ascontiguousarray(image)).to(device)[None, None].float()

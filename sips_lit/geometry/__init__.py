@@ -1,0 +1,1 @@
+"""Geometry on arrays: homographies, projection between views."""

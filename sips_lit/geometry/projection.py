@@ -1,0 +1,36 @@
+"""From a pixel with depth in one view to its pixel in another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.types import Camera, FloatArray
+
+
+def sample_depth(depth: FloatArray, xy: FloatArray) -> NDArray[np.float64]:
+    """Depth (N,) of the pixel nearest to each point (N, 2); NaN outside the map (H, W) and where it is not positive.
+
+    Nearest, not interpolated: a mean of foreground and background lies on neither.
+    """
+    column, row = np.round(np.asarray(xy, np.float64)).astype(np.int64).T
+    inside = (column >= 0) & (row >= 0) & (column < depth.shape[1]) & (row < depth.shape[0])
+    sampled = np.full(len(column), np.nan)
+    sampled[inside] = depth[row[inside], column[inside]]
+    with np.errstate(invalid="ignore"):
+        sampled[~(sampled > 0) | ~np.isfinite(sampled)] = np.nan
+    return sampled
+
+
+def transfer(
+    xy: FloatArray, depth: FloatArray, camera_from: Camera, camera_to: Camera, T_to_from: FloatArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Pixels (N, 2) and depths (N,) in the other view of N pixels (N, 2) with depths (N,); NaN where behind the camera."""
+    homogeneous = np.column_stack([xy, np.ones(len(xy))]).astype(np.float64)
+    points = (np.linalg.solve(camera_from.matrix, homogeneous.T) * depth).T @ T_to_from[:3, :3].T + T_to_from[:3, 3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        projected = points @ camera_to.matrix.T
+        behind = ~(points[:, 2] > 0)
+        moved = projected[:, :2] / projected[:, 2:]
+    moved[behind] = np.nan
+    return moved, np.where(behind, np.nan, points[:, 2])

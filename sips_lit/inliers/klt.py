@@ -1,0 +1,48 @@
+"""Inliers by KLT: the match agrees with tracks through all intermediate frames, both ways (paper, label generation)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from sips_lit.tracking.klt import KltTracker
+from sips_lit.types import FramePair, Inliers, Keypoints, Matches, Reason
+
+
+@dataclass(frozen=True, slots=True)
+class KltInliers:
+    """A match (i, j) is an inlier if the track of i from image 0 ends within ``threshold`` pixels of j, and that of j of i."""
+
+    tracker: KltTracker = field(default_factory=KltTracker)
+    threshold: float = 3.0
+    independent: ClassVar[bool] = True
+    uses_frames: ClassVar[bool] = True
+
+    @property
+    def protocol(self) -> Mapping[str, Any]:
+        """Method and thresholds."""
+        return {"inliers": "klt", "threshold": self.threshold, **self.tracker.parameters}
+
+    def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
+        """Every point is known to KLT: what can't be tracked is an outlier."""
+        reason = self._one_way(pair.frames, keypoints0, keypoints1, matches)
+        forth = np.flatnonzero(reason == Reason.INLIER)  # the way back can only take inliers away
+        turned = Matches(matches.index1[forth], matches.index0[forth])
+        reason[forth] = self._one_way(pair.frames[::-1], keypoints1, keypoints0, turned)
+        everything = (np.ones(len(keypoints0), np.bool_), np.ones(len(keypoints1), np.bool_))
+        return Inliers(reason == Reason.INLIER, reason, *everything)
+
+    def _one_way(
+        self, frames: tuple[Any, ...], start: Keypoints, goal: Keypoints, matches: Matches
+    ) -> np.ndarray[Any, np.dtype[np.uint8]]:
+        """Reason of each match when its first point is tracked from the first of the frames to the last."""
+        points, point_of_match = np.unique(matches.index0, return_inverse=True)
+        ends, survived = self.tracker.track(frames, start.xy[points])
+        with np.errstate(invalid="ignore"):
+            near = ((ends[point_of_match] - goal.xy[matches.index1]) ** 2).sum(1) <= self.threshold**2
+        reason = np.where(near, Reason.INLIER, Reason.FAR).astype(np.uint8)
+        reason[~survived[point_of_match]] = Reason.LOST
+        return reason

@@ -1,0 +1,67 @@
+"""Bidirectional KLT: sparse optical flow that must go forth and back (paper, label generation)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.types import GreyImage
+
+
+@dataclass(frozen=True, slots=True)
+class KltTracker:
+    """Lucas-Kanade with pyramids and the forward-backward check.
+
+    ``window``: side of the patch in pixels; ``max_level``: pyramid levels above the image; ``max_roundtrip``: a step holds
+    if going forth and back returns within this many pixels; ``margin``: and if the point stays this far inside the image.
+    """
+
+    window: int = 21
+    max_level: int = 3
+    max_roundtrip: float = 1.0
+    margin: float = 4.0
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """What a track depends on; the numbers differ slightly between versions of OpenCV."""
+        return {**asdict(self), "opencv": cv2.__version__}
+
+    def step(
+        self, image0: GreyImage, image1: GreyImage, xy: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Where N points (N, 2) of image 0 are in image 1, and which of these tracks hold (N,)."""
+        if not len(xy):
+            return xy.reshape(0, 2), np.zeros(0, np.bool_)
+        forth, found, _ = cv2.calcOpticalFlowPyrLK(image0, image1, xy, None, **self._options())
+        back, found_back, _ = cv2.calcOpticalFlowPyrLK(image1, image0, forth, None, **self._options())
+        height, width = image1.shape
+        high = np.array([width, height], np.float32) - 1 - self.margin
+        returns = ((back - xy) ** 2).sum(1) <= self.max_roundtrip**2
+        inside = ((forth >= self.margin) & (forth <= high)).all(1)
+        return forth, returns & inside & (found.ravel() > 0) & (found_back.ravel() > 0)
+
+    def track(
+        self, frames: Sequence[GreyImage], xy: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Tracks N points (N, 2) of the first frame through all others.
+
+        Returns their places in the last frame (N, 2), NaN where lost, and which survived every step (N,).
+        """
+        alive = np.arange(len(xy))
+        places = np.ascontiguousarray(xy, np.float32)
+        for image0, image1 in zip(frames[:-1], frames[1:], strict=True):
+            places, held = self.step(image0, image1, places)
+            alive, places = alive[held], places[held]
+        ends = np.full((len(xy), 2), np.nan, np.float32)
+        ends[alive] = places
+        survived = np.zeros(len(xy), np.bool_)
+        survived[alive] = True
+        return ends, survived
+
+    def _options(self) -> dict[str, Any]:
+        return {"winSize": (self.window, self.window), "maxLevel": self.max_level}
