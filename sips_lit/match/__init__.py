@@ -1,0 +1,1 @@
+"""Which point of one image belongs to which of the other, by their descriptors."""

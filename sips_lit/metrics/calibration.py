@@ -1,0 +1,138 @@
+"""Calibration: does a point that claims to be an inlier with probability p turn out as one with frequency p?
+
+The paper's figure of probability against inlier frequency in 20 bins (Cieslewski et al., 3DV 2019), summarised by the
+expected and the maximal calibration error (Guo et al., ICML 2017) and the Brier score.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+from torchmetrics import Metric
+
+FloatVector = NDArray[np.float64]
+_UNITS: Final = 2**32
+
+
+@dataclass(frozen=True, slots=True)
+class BinSums:
+    """Sums over the points in each of B equal bins of [0, 1], all (B,) float64; those of two sets of points add."""
+
+    count: FloatVector
+    score: FloatVector
+    label: FloatVector
+    squared_error: FloatVector
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationResult:
+    """Calibration in B bins.
+
+    ``edges`` (B + 1,) of the bins; ``count`` (B,) points in each; ``mean_score`` and ``frequency`` (B,) their mean
+    predicted probability and the fraction that are inliers, NaN in empty bins. ``ece`` is the mean of their difference
+    over all points, ``mce`` the largest of any bin, ``brier`` the mean squared error of the single predictions. Without
+    any points the three are NaN.
+    """
+
+    ece: float
+    mce: float
+    brier: float
+    edges: FloatVector
+    count: NDArray[np.int64]
+    mean_score: FloatVector
+    frequency: FloatVector
+
+    @property
+    def points(self) -> int:
+        """How many points were judged."""
+        return int(self.count.sum())
+
+
+def bin_sums(scores: ArrayLike, labels: ArrayLike, bins: int = 20) -> BinSums:
+    """Sums of N predicted probabilities and their truth (bool, or 0 and 1), both (N,).
+
+    A bin holds its lower edge; the last holds 1.0 as well. Raises ValueError when the shapes differ, when a score is
+    NaN or outside [0, 1], or a label is neither 0 nor 1.
+    """
+    score, label = np.asarray(scores, np.float64), np.asarray(labels, np.float64)
+    if score.ndim != 1 or score.shape != label.shape:
+        raise ValueError(f"scores and labels must both be (N,), not {score.shape} and {label.shape}")
+    if not np.all((score >= 0) & (score <= 1)):
+        raise ValueError("scores must be probabilities in [0, 1], without NaN")
+    if not np.all((label == 0) | (label == 1)):
+        raise ValueError("labels must be 0 or 1")
+    edges = np.linspace(0, 1, bins + 1)
+    index = np.minimum(np.searchsorted(edges, score, side="right") - 1, bins - 1)
+
+    def per_bin(values: FloatVector) -> FloatVector:
+        total: FloatVector = np.bincount(index, weights=values, minlength=bins).astype(np.float64)
+        return total
+
+    return BinSums(per_bin(np.ones_like(score)), per_bin(score), per_bin(label), per_bin((score - label) ** 2))
+
+
+def summarise(sums: BinSums) -> CalibrationResult:
+    """Calibration errors from the sums per bin."""
+    bins, total = len(sums.count), float(sums.count.sum())
+    filled = sums.count > 0
+    empty = np.full(bins, np.nan)
+    mean_score = np.divide(sums.score, sums.count, out=empty.copy(), where=filled)
+    frequency = np.divide(sums.label, sums.count, out=empty.copy(), where=filled)
+    gap = np.abs(frequency - mean_score)[filled]
+    nothing = float("nan")
+    return CalibrationResult(
+        ece=float(gap @ sums.count[filled]) / total if total else nothing,
+        mce=float(gap.max()) if total else nothing,
+        brier=float(sums.squared_error.sum()) / total if total else nothing,
+        edges=np.linspace(0, 1, bins + 1),
+        count=sums.count.astype(np.int64),
+        mean_score=mean_score,
+        frequency=frequency,
+    )
+
+
+class Calibration(Metric):
+    """Calibration over the points given to `update`, merged exactly across processes (its state is sums per bin).
+
+    ``compute`` gives the scalars that can be logged, ``ece``, ``mce`` and ``brier``, NaN without any points; ``result``
+    gives the whole record.
+    """
+
+    full_state_update = False
+    is_differentiable = False
+    higher_is_better = False
+    sums: Tensor
+
+    def __init__(self, bins: int = 20, **kwargs: Any) -> None:
+        """Sort the scores into ``bins`` equal bins; ``kwargs`` go to `torchmetrics.Metric`."""
+        super().__init__(**kwargs)
+        self.bins = bins
+        # Integers in units of 2^-32: they add exactly in any order, up to 2^31 points a bin, and every accelerator has
+        # them (Apple's has no float64, and float32 sums lose points after 2^24).
+        self.add_state("sums", torch.zeros(4, bins, dtype=torch.long), dist_reduce_fx="sum")
+
+    def update(self, scores: Tensor, labels: Tensor) -> None:
+        """Add points: ``scores`` (N,) probabilities and ``labels`` (N,) bool or 0 and 1; raises as `bin_sums`."""
+        sums = bin_sums(scores.detach().float().cpu().numpy(), labels.detach().cpu().numpy(), self.bins)
+        stacked = np.stack([sums.count, sums.score, sums.label, sums.squared_error])
+        self.sums += torch.from_numpy(np.rint(stacked * _UNITS).astype(np.int64)).to(self.sums.device)
+
+    def compute(self) -> dict[str, Tensor]:
+        """The scalars of the summary, float32."""
+        result = self._summary()
+        scalars = {"ece": result.ece, "mce": result.mce, "brier": result.brier}
+        device = self.sums.device
+        return {name: torch.tensor(value, dtype=torch.float32, device=device) for name, value in scalars.items()}
+
+    def result(self) -> CalibrationResult:
+        """The whole summary. In distributed runs every process must call it, and each gets that of all points."""
+        with self.sync_context(self.dist_sync_fn, distributed_available=self.distributed_available_fn):
+            return self._summary()
+
+    def _summary(self) -> CalibrationResult:
+        return summarise(BinSums(*(self.sums.cpu().numpy() / _UNITS)))
