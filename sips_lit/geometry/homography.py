@@ -9,11 +9,15 @@ from sips_lit.types import FloatArray
 
 
 def apply_homography(H: FloatArray, xy: FloatArray) -> NDArray[np.float64]:
-    """Points (N, 2) mapped by a homography (3, 3); NaN where a point goes behind the plane at infinity."""
+    """Points (N, 2) mapped by a homography (3, 3); NaN where a point goes behind the other camera.
+
+    H preserves orientation, as between two photographs of the same side of a plane: its sign is then that of its
+    determinant, and a point is in front of the camera where the third coordinate has the same sign.
+    """
     mapped = np.column_stack([xy, np.ones(len(xy))]).astype(np.float64) @ np.asarray(H, np.float64).T
-    depth = mapped[:, 2:] / np.linalg.det(H) ** (1 / 3) if np.linalg.det(H) > 0 else mapped[:, 2:]
+    in_front = mapped[:, 2:] * np.sign(np.linalg.det(H)) > 0
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(depth > 0, mapped[:, :2] / mapped[:, 2:], np.nan)
+        return np.where(in_front, mapped[:, :2] / mapped[:, 2:], np.nan)
 
 
 def flip_homography(H: FloatArray, size: tuple[int, int], horizontal: bool, vertical: bool) -> NDArray[np.float64]:

@@ -1,0 +1,194 @@
+"""The overlap index: which later frames of a sequence still show what a frame shows (paper, pair selection)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.errors import BadInputError
+from sips_lit.tracking.klt import KltTracker
+from sips_lit.types import GreyImage, ImageSequence
+
+VERSION = 1
+MIN_TEXTURE = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class OverlapParameters:
+    """How overlap is measured.
+
+    ``spacing``: pixels between the points that are tracked (one per cell of a grid, replenished in every frame);
+    ``max_span``: frames after which a track is given up, which bounds the memory for a camera that stands still;
+    ``cut_survival``: where less than this fraction of the points survives one step, the shot was cut and all end there.
+    """
+
+    tracker: KltTracker = field(default_factory=KltTracker)
+    spacing: int = 16
+    max_span: int = 200
+    cut_survival: float = 0.15
+
+    def signature(self, sequence: ImageSequence) -> dict[str, Any]:
+        """What an index depends on; a stored one with another signature is stale."""
+        own = {key: value for key, value in asdict(self).items() if key != "tracker"}
+        frames = {"name": sequence.name, "fingerprint": sequence.fingerprint, "frames": len(sequence)}
+        return {"version": VERSION, **own, "tracker": dict(self.tracker.parameters), **frames}
+
+
+@dataclass(frozen=True, slots=True)
+class OverlapIndex:
+    """Overlap of each of N frames with its later frames, until none is left.
+
+    Row i of the table is ``survivors[offsets[i]:offsets[i + 1]]``: how many of the ``points[i]`` points of frame i are still
+    tracked in frames i + 1, i + 2, ...; it never grows along a row.
+    """
+
+    survivors: NDArray[np.uint16]
+    offsets: NDArray[np.int64]
+    points: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def overlap(self, index: int) -> NDArray[np.float64]:
+        """Overlap of frame ``index`` with frames index + 1, index + 2, ...; zero beyond the end."""
+        row = self.survivors[self.offsets[index] : self.offsets[index + 1]]
+        return row / max(1, self.points[index])
+
+    def reach(self, overlap: float) -> NDArray[np.int64]:
+        """For each frame (N,) how many frames further the last one is that still has at least this overlap."""
+        row_of = np.repeat(np.arange(len(self)), np.diff(self.offsets))
+        enough = self.survivors >= np.maximum(overlap * self.points[row_of], 1e-9)
+        return np.bincount(row_of, weights=enough, minlength=len(self)).astype(np.int64)
+
+
+def measure_overlap(
+    sequence: ImageSequence, parameters: OverlapParameters, on_frame: Callable[[], object] = lambda: None
+) -> OverlapIndex:
+    """Index of a sequence in one pass over its frames.
+
+    Only two frames are held at a time; what grows with the video is the index itself, by at most 2 ``max_span`` bytes a
+    frame.
+    """
+    points = np.zeros(len(sequence), np.int64)
+    rows: list[NDArray[np.uint16]] = []
+    for index, point_count, finished in _track_all(sequence, parameters):
+        points[index] = point_count
+        rows += [np.array(row, np.uint16) for row in finished]
+        on_frame()
+    offsets = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
+    return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points)
+
+
+def _track_all(
+    sequence: ImageSequence, parameters: OverlapParameters
+) -> Iterator[tuple[int, int, list[list[int]]]]:
+    """For each frame: its index, how many points it has, and the rows that end here, in the order of their frames.
+
+    One set of tracks serves all frames: the points of frame i are those alive in it, so its survivors in frame j are the
+    tracks alive in j that were born in i or before. An earlier frame has fewer survivors, so rows end in order.
+    """
+    xy, born = np.zeros((0, 2), np.float32), np.zeros(0, np.int64)
+    open_rows: dict[int, list[int]] = {}
+    previous: GreyImage | None = None
+    for index in range(len(sequence)):
+        image = sequence.frame(index)
+        if previous is not None:
+            xy, held = parameters.tracker.step(previous, image, xy)
+            if held.sum() < parameters.cut_survival * len(held):
+                held[:] = False
+            xy, born = xy[held], born[held]
+        finished = []
+        first = max(0, index - parameters.max_span)
+        alive = np.cumsum(np.bincount(np.maximum(born, first) - first, minlength=index - first + 1))
+        for row in list(open_rows):
+            survivors = int(alive[row - first]) if row >= first else 0
+            if survivors:
+                open_rows[row].append(min(survivors, np.iinfo(np.uint16).max))
+            else:
+                finished.append(open_rows.pop(row))
+        fresh = _replenish(image, xy, parameters.spacing)
+        xy, born = np.concatenate([xy, fresh]), np.concatenate([born, np.full(len(fresh), index)])
+        open_rows[index] = []
+        if index == len(sequence) - 1:
+            finished += open_rows.values()
+        previous = image
+        yield index, len(xy), finished
+
+
+def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArray[np.float32]:
+    """New points (M, 2): the best-textured pixel of each grid cell without a point, not close to any other point.
+
+    Texture is the smaller eigenvalue of the structure tensor, at half resolution: KLT refines the place anyway.
+    """
+    half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    block = max(1, spacing // 4)  # a cell is 2 x 2 blocks of the half-size image
+    rows, columns = half.shape[0] // (2 * block), half.shape[1] // (2 * block)
+    if not rows or not columns:
+        return np.zeros((0, 2), np.float32)
+    near = np.zeros((2 * rows, 2 * columns), np.uint8)
+    taken = (xy / (2 * block)).astype(np.int64)
+    taken = taken[(taken < [2 * columns, 2 * rows]).all(1)]
+    near[taken[:, 1], taken[:, 0]] = 1
+    occupied = near.reshape(rows, 2, columns, 2).any((1, 3))
+    free = cv2.dilate(near, np.ones((3, 3), np.uint8)) == 0
+    texture = cv2.cornerMinEigenVal(half, 3)[: 2 * block * rows, : 2 * block * columns]
+    texture = texture.reshape(2 * rows, block, 2 * columns, block) * free[:, None, :, None]
+    cells = texture.reshape(rows, 2 * block, columns, 2 * block).swapaxes(1, 2).reshape(rows, columns, -1)
+    best = cells.argmax(2)
+    row, column = np.nonzero((cells.max(2) > MIN_TEXTURE) & ~occupied)
+    inside = best[row, column]
+    y, x = row * 2 * block + inside // (2 * block), column * 2 * block + inside % (2 * block)
+    return np.stack([2 * x + 0.5, 2 * y + 0.5], 1).astype(np.float32)
+
+
+def index_path(folder: Path, sequence: ImageSequence) -> Path:
+    """Where the index of a sequence is stored."""
+    digest = hashlib.sha256(f"{sequence.name}|{sequence.fingerprint}".encode()).hexdigest()[:8]
+    return folder / f"{sequence.name}-{digest}.overlap.npz"
+
+
+def save_index(path: Path, index: OverlapIndex, signature: Mapping[str, Any]) -> None:
+    """Writes an index atomically: a reader sees the old file or the new one, never half of one.
+
+    Raises BadInputError when the folder can't be written (full disk, no permission).
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as temporary:
+            try:
+                _write(temporary, index, signature)
+                temporary.close()
+                os.replace(temporary.name, path)  # noqa: PTH105 - the pair of names is clearer than two Path objects
+            finally:
+                Path(temporary.name).unlink(missing_ok=True)
+    except OSError as error:
+        raise BadInputError(f"cannot write the overlap index {path}: {error.strerror or error}") from error
+
+
+def _write(handle: IO[bytes], index: OverlapIndex, signature: Mapping[str, Any]) -> None:
+    text = np.array(json.dumps(signature, sort_keys=True))
+    np.savez(handle, survivors=index.survivors, offsets=index.offsets, points=index.points, signature=text)
+    handle.flush()
+    os.fsync(handle.fileno())
+
+
+def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:
+    """The stored index, or None if there is none, it is damaged, or it was made from other frames or parameters."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if json.loads(str(stored["signature"])) != json.loads(json.dumps(signature)):
+                return None
+            return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"])
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+        return None
