@@ -1,0 +1,55 @@
+"""ORB: FAST on a pyramid, ranked by Harris' measure, with a binary descriptor (Rublee et al. 2011)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from sips_lit.baselines.cv_keypoints import attribute, best_keypoints, positions, ranked
+from sips_lit.types import Features, FloatArray, GreyImage, Keypoints, Norm
+
+_STEP = 1.2  # between the levels of OpenCV's pyramid
+
+
+class Orb:
+    """OpenCV's ORB with its defaults, but for a ``fast_threshold`` of 7 instead of 20, so that dull images give points.
+
+    The scale of a point is that of its pyramid level. There are no points within 31 px of the border.
+    """
+
+    name: str = "ORB"
+    describes: bool = True
+
+    def __init__(self, fast_threshold: int = 7) -> None:
+        """Find corners that differ by more than ``fast_threshold`` grey levels."""
+        self.fast_threshold = fast_threshold
+
+    def detect(self, image: GreyImage, n: int) -> Keypoints:
+        """At most ``n`` points, best first."""
+        return self.detect_and_describe(image, n).keypoints
+
+    def detect_and_describe(self, image: GreyImage, n: int) -> Features:
+        """At most ``n`` features, best first; OpenCV divides n among the levels of the pyramid."""
+        norm: Norm = "hamming"
+        if n <= 0:
+            return Features(Keypoints.empty(), np.zeros((0, 32), np.uint8), norm)
+        orb = cv2.ORB.create(nfeatures=n, scaleFactor=_STEP, fastThreshold=self.fast_threshold)
+        points, descriptors = orb.detectAndCompute(image, None)
+        if not points:
+            return Features(Keypoints.empty(), np.zeros((0, 32), np.uint8), norm)
+        scale = _STEP ** attribute(points, "octave")
+        xy = _from_top_left_corner(positions(points), scale, image).astype(np.float32)
+        score = attribute(points, "response")
+        best = ranked(xy, score, n)
+        return Features(best_keypoints(xy, score, scale, n), np.asarray(descriptors)[best], norm)
+
+
+def _from_top_left_corner(xy: FloatArray, scale: FloatArray, image: GreyImage) -> FloatArray:
+    """Mends OpenCV's ``x = scale * x_level``.
+
+    Its levels hold whole numbers of pixels and are aligned at the corner of the image, not at the first pixel's centre.
+    """
+    size = np.array(image.shape[::-1])
+    level_size = np.rint(size / scale[:, None])
+    mended: FloatArray = (xy / scale[:, None] + 0.5) * size / level_size - 0.5
+    return mended

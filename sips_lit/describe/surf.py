@@ -1,0 +1,59 @@
+"""SURF descriptors of given points (Bay et al. 2008), computed by mahotas: the descriptor of the SIPs paper."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.describe.scale_levels import LARGEST_RESIDUE, scale_levels
+from sips_lit.errors import BadInputError
+from sips_lit.types import GreyImage, Keypoints, Norm
+
+DIMENSION = 64
+_SCALE_OF_SIZE = 1.2 / 9  # SURF's filter of 9 px is scale 1.2
+_REACH = 16  # mahotas drops points nearer to the border than about 15.5 times their scale
+
+
+class Surf:
+    """SURF with the orientation that it finds at the point: (N, 64) float32 of length 1 (zero where nothing varies).
+
+    ``size`` is the point's diameter in pixels at scale 1, as OpenCV counts it.
+    """
+
+    name: str = "SURF (mahotas)"
+    norm: Norm = "l2"
+
+    def __init__(self, size: float = 31.0) -> None:
+        """Raises BadInputError where mahotas is missing or ``size`` is not positive."""
+        if not size > 0:
+            raise BadInputError(
+                f"The descriptor's size is {size}; give a diameter in pixels above 0 (the default is 31)."
+            )
+        _import_mahotas()  # a missing package shows at the start, not at the first image
+        self.size = size
+
+    def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
+        """(N, 64) float32, one row for each keypoint."""
+        surf = _import_mahotas()
+        descriptors = np.zeros((len(keypoints), DIMENSION), np.float32)
+        scale = self.size * _SCALE_OF_SIZE
+        margin = math.ceil(_REACH * scale * LARGEST_RESIDUE) + 2
+        for level in scale_levels(image, keypoints, shrink=1.0, margin=margin):
+            unused = np.ones((len(level.rows), 2))  # score and sign of the detector: carried along by mahotas, not read
+            points = np.column_stack([level.xy[:, ::-1], scale * level.residue, unused])
+            rows = surf.descriptors(level.image, points, descriptor_only=True)
+            if len(rows) != len(points):
+                raise RuntimeError(f"mahotas described {len(rows)} of {len(points)} points")
+            descriptors[level.rows] = rows
+        return descriptors
+
+
+def _import_mahotas() -> Any:
+    try:
+        return importlib.import_module("mahotas.features.surf")
+    except ImportError as error:
+        raise BadInputError("SURF needs the package mahotas: pip install 'sips_lit[surf]'.") from error
