@@ -9,12 +9,14 @@ from sips_lit.baselines.cv_keypoints import attribute, best_keypoints, positions
 from sips_lit.types import Features, FloatArray, GreyImage, Keypoints, Norm
 
 _STEP = 1.2  # between the levels of OpenCV's pyramid
+_EDGE = 31  # OpenCV's margin without points, in pixels of the level
 
 
 class Orb:
     """OpenCV's ORB with its defaults, but for a ``fast_threshold`` of 7 instead of 20, so that dull images give points.
 
-    The scale of a point is that of its pyramid level. There are no points within 31 px of the border.
+    The scale of a point is that of its pyramid level. There are no points within 31 px (of the
+    level) of the border.
     """
 
     name: str = "ORB"
@@ -31,9 +33,9 @@ class Orb:
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
         """At most ``n`` features, best first; OpenCV divides n among the levels of the pyramid."""
         norm: Norm = "hamming"
-        if n <= 0:
+        if n <= 0 or min(image.shape) <= 2 * _EDGE:  # OpenCV fails on images too small for its pyramid
             return Features(Keypoints.empty(), np.zeros((0, 32), np.uint8), norm)
-        orb = cv2.ORB.create(nfeatures=n, scaleFactor=_STEP, fastThreshold=self.fast_threshold)
+        orb = cv2.ORB.create(nfeatures=n, scaleFactor=_STEP, edgeThreshold=_EDGE, fastThreshold=self.fast_threshold)
         points, descriptors = orb.detectAndCompute(image, None)
         if not points:
             return Features(Keypoints.empty(), np.zeros((0, 32), np.uint8), norm)

@@ -16,7 +16,7 @@ _EDGE = 31  # OpenCV drops points nearer to the border than this; the pattern an
 
 
 class Orb:
-    """Upright ORB: (N, 32) uint8, 256 packed bits."""
+    """Upright ORB: (N, 32) uint8, 256 packed bits. Scales are rounded to powers of sqrt(2)."""
 
     name: str = "ORB"
     norm: Norm = "hamming"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.describe.scale_levels import LARGEST_RESIDUE, scale_levels
+from sips_lit.describe.scale_levels import scale_levels
 from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage, Keypoints, Norm
 
@@ -21,7 +21,8 @@ _REACH = 16  # mahotas drops points nearer to the border than about 15.5 times t
 class Surf:
     """SURF with the orientation that it finds at the point: (N, 64) float32 of length 1 (zero where nothing varies).
 
-    ``size`` is the point's diameter in pixels at scale 1, as OpenCV counts it.
+    ``size`` is the point's diameter in pixels at scale 1, as OpenCV counts it. Scales are rounded to powers of sqrt(2):
+    mahotas describes a point and its enlarged copy alike only where both have the same scale in pixels.
     """
 
     name: str = "SURF (mahotas)"
@@ -41,10 +42,10 @@ class Surf:
         surf = _import_mahotas()
         descriptors = np.zeros((len(keypoints), DIMENSION), np.float32)
         scale = self.size * _SCALE_OF_SIZE
-        margin = math.ceil(_REACH * scale * LARGEST_RESIDUE) + 2
+        margin = math.ceil(_REACH * scale) + 2
         for level in scale_levels(image, keypoints, shrink=1.0, margin=margin):
             unused = np.ones((len(level.rows), 2))  # score and sign of the detector: carried along by mahotas, not read
-            points = np.column_stack([level.xy[:, ::-1], scale * level.residue, unused])
+            points = np.column_stack([level.xy[:, ::-1], np.full(len(level.rows), scale), unused])
             rows = surf.descriptors(level.image, points, descriptor_only=True)
             if len(rows) != len(points):
                 raise RuntimeError(f"mahotas described {len(rows)} of {len(points)} points")
