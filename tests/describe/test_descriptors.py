@@ -65,7 +65,7 @@ def test_a_row_belongs_to_its_point_whatever_the_company(descriptor, image):
     np.testing.assert_array_equal(together, np.stack(alone))
 
 
-@pytest.mark.parametrize("scale", [1.0, 2.0])
+@pytest.mark.parametrize("scale", [1.0, 1.18, 2.0])
 def test_the_border_is_the_edge_repeated(descriptor, image, scale):
     keypoints = scattered(60, scale)
     margin = 120  # even, as the image may be halved
@@ -74,7 +74,7 @@ def test_the_border_is_the_edge_repeated(descriptor, image, scale):
     np.testing.assert_allclose(
         descriptor.describe(image, keypoints).astype(float),
         inside.astype(float),
-        atol=1e-4 if scale == 1 else 0.02 * inside.max(),
+        atol=1e-4 if scale < 2 else 0.02 * inside.max(),
     )
 
 

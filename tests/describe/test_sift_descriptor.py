@@ -22,10 +22,12 @@ INNER = np.random.default_rng(5).integers(80, 120, (20, 2)).astype(np.float32)
 
 
 @pytest.mark.parametrize("size", [4.0, 8.0])
-def test_unshrunk_it_is_opencv_at_angle_zero(size):
-    points = [cv2.KeyPoint(float(x), float(y), size, angle=0) for x, y in INNER]
+@pytest.mark.parametrize("scale", [0.5, 1.0, 1.125])
+def test_unshrunk_it_is_opencv_at_angle_zero(size, scale):
+    points = [cv2.KeyPoint(float(x), float(y), size * scale, angle=0) for x, y in INNER]
     _, expected = cv2.SIFT_create().compute(texture(), points)
-    np.testing.assert_array_equal(Sift(size, shrink=1).describe(texture(), keypoints_at(INNER)), expected)
+    keypoints = Keypoints(INNER, np.ones(20, np.float32), np.full(20, scale, np.float32))
+    np.testing.assert_array_equal(Sift(size, shrink=1).describe(texture(), keypoints), expected)
 
 
 def test_it_is_upright():
