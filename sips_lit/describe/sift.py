@@ -44,7 +44,7 @@ class Sift:
         descriptors = np.zeros((len(keypoints), DIMENSION), np.float32)
         diameter = self.size / self.shrink
         cell = 1.5 * diameter * LARGEST_RESIDUE
-        margin = math.ceil(cell * math.sqrt(2) * 2.5) + 2 + _BLUR_REACH  # 2: gradient and rounding to whole pixels
+        margin = math.ceil(2.5 * cell) + 2 + _BLUR_REACH  # 2: gradient and rounding to whole pixels
         for level in scale_levels(image, keypoints, self.shrink, margin):
             points = [
                 cv2.KeyPoint(float(x), float(y), float(diameter * residue), angle=0)
