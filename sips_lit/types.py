@@ -76,13 +76,14 @@ class ImageSequence(ABC):
 class ViewGeometry:
     """Known geometry of a pair: ``T_1_0`` (4, 4), cameras, depth maps (H, W) in metres with NaN where unknown.
 
-    ``depth1`` may be None: then points of image 1 are known only through image 0, and occlusion is not checked.
+    One of the depth maps may be None: then the points of that image are known only through their matches, and points
+    that are hidden there are not noticed.
     """
 
     T_1_0: FloatArray
     camera0: Camera
     camera1: Camera
-    depth0: FloatArray
+    depth0: FloatArray | None
     depth1: FloatArray | None
 
 
@@ -190,10 +191,14 @@ class Detector(Protocol):
     """Finds points, and describes them itself if ``describes`` is true."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """What tables call it."""
+        ...
 
     @property
-    def describes(self) -> bool: ...
+    def describes(self) -> bool:
+        """Whether it has descriptors of its own."""
+        ...
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points of ``image``, best first."""
@@ -208,10 +213,14 @@ class Descriptor(Protocol):
     """Describes given points."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """What tables call it."""
+        ...
 
     @property
-    def norm(self) -> Norm: ...
+    def norm(self) -> Norm:
+        """How its descriptors are compared."""
+        ...
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, D) descriptors of the N keypoints, one each, whatever their distance to the border."""
@@ -219,20 +228,26 @@ class Descriptor(Protocol):
 
 
 class InlierCheck(Protocol):
-    """Says which matches of a pair are inliers, and why the others are not.
-
-    ``independent`` is true where the answer for a match does not depend on the other matches given (ground truth,
-    KLT): then one call answers for every budget. ``uses_frames`` is true where it looks at the frames between the two
-    images; without it they need not be read. ``protocol`` names the method and its thresholds, for results.
-    """
+    """Says which matches of a pair are inliers, and why the others are not."""
 
     @property
-    def independent(self) -> bool: ...
+    def independent(self) -> bool:
+        """Whether the answer for a match does not depend on the other matches (ground truth, KLT).
+
+        Then one call answers for every budget of points.
+        """
+        ...
 
     @property
-    def uses_frames(self) -> bool: ...
+    def uses_frames(self) -> bool:
+        """Whether it looks at the frames between the two images; without it they need not be read."""
+        ...
 
     @property
-    def protocol(self) -> Mapping[str, Any]: ...
+    def protocol(self) -> Mapping[str, Any]:
+        """The method and its thresholds, for results."""
+        ...
 
-    def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers: ...
+    def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
+        """Judges M matches between the points of both images."""
+        ...

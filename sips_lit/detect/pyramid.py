@@ -17,7 +17,9 @@ def image_pyramid(image: Tensor, scales: int, factor: float) -> list[Tensor]:
     height, width = image.shape[-2:]
     sizes = [(round(height / factor**s), round(width / factor**s)) for s in range(1, scales)]
     return [image] + [
-        F.interpolate(image, size, mode="bilinear", align_corners=False, antialias=True) for size in sizes if min(size) > 0
+        F.interpolate(image, size, mode="bilinear", align_corners=False, antialias=True)
+        for size in sizes
+        if min(size) > 0
     ]
 
 
@@ -27,7 +29,9 @@ def to_full_resolution(xy: Tensor, level_size: tuple[int, int], size: tuple[int,
     return (xy + 0.5) * scale - 0.5
 
 
-def suppress_across_levels(xy: NDArray[np.float32], level: NDArray[np.int64], radius: float, n: int) -> NDArray[np.int64]:
+def suppress_across_levels(
+    xy: NDArray[np.float32], level: NDArray[np.int64], radius: float, n: int
+) -> NDArray[np.int64]:
     """Indices of at most ``n`` points to keep, of points (N, 2) that are sorted best first.
 
     Greedy: a point is dropped if a better, kept one of *another* level lies within Chebyshev distance ``radius`` in pixels

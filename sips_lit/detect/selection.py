@@ -96,7 +96,9 @@ def logits_at(network: ScoreNetwork, image: Tensor, points: SelectedPoints, grad
         mask = points.level == index
         rows = torch.from_numpy(points.row[mask]).to(image.device)
         columns = torch.from_numpy(points.column[mask]).to(image.device)
-        logits[torch.from_numpy(np.flatnonzero(mask)).to(image.device)] = network.at(levels[index], rows, columns, gradient)
+        logits[torch.from_numpy(np.flatnonzero(mask)).to(image.device)] = network.at(
+            levels[index], rows, columns, gradient
+        )
     return logits
 
 

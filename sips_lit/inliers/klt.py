@@ -14,7 +14,7 @@ from sips_lit.types import FramePair, Inliers, Keypoints, Matches, Reason
 
 @dataclass(frozen=True, slots=True)
 class KltInliers:
-    """A match (i, j) is an inlier if the track of i from image 0 ends within ``threshold`` pixels of j, and that of j of i."""
+    """A match (i, j) is an inlier if the track of i ends within ``threshold`` pixels of j, and that of j near i."""
 
     tracker: KltTracker = field(default_factory=KltTracker)
     threshold: float = 3.0

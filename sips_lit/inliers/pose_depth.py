@@ -41,13 +41,8 @@ class PoseDepthInliers:
             )
         points0, points1 = keypoints0.xy[matches.index0], keypoints1.xy[matches.index1]
         forth = self._one_way(points0, points1, g.depth0, g.depth1, g.camera0, g.camera1, g.T_1_0)
-        known0 = np.isfinite(sample_depth(g.depth0, keypoints0.xy))
-        if g.depth1 is None:
-            back = np.full(len(matches), Reason.UNKNOWN, np.uint8)
-            known1 = np.zeros(len(keypoints1), np.bool_)
-        else:
-            back = self._one_way(points1, points0, g.depth1, g.depth0, g.camera1, g.camera0, np.linalg.inv(g.T_1_0))
-            known1 = np.isfinite(sample_depth(g.depth1, keypoints1.xy))
+        back = self._one_way(points1, points0, g.depth1, g.depth0, g.camera1, g.camera0, np.linalg.inv(g.T_1_0))
+        known0, known1 = _known(g.depth0, keypoints0), _known(g.depth1, keypoints1)
         reason = np.where(forth == Reason.UNKNOWN, back, forth)
         both = (forth != Reason.UNKNOWN) & (back != Reason.UNKNOWN)
         reason[both & (forth == Reason.INLIER)] = back[both & (forth == Reason.INLIER)]
@@ -61,12 +56,14 @@ class PoseDepthInliers:
         self,
         start: FloatArray,
         goal: FloatArray,
-        depth_start: FloatArray,
+        depth_start: FloatArray | None,
         depth_goal: FloatArray | None,
         camera_start: Camera,
         camera_goal: Camera,
         T_goal_start: FloatArray,
     ) -> NDArray[np.uint8]:
+        if depth_start is None:
+            return np.full(len(start), Reason.UNKNOWN, np.uint8)
         own = sample_depth(depth_start, start)
         moved, depth = transfer(start, own, camera_start, camera_goal, T_goal_start)
         width, height = camera_goal.size
@@ -80,3 +77,9 @@ class PoseDepthInliers:
         reason[lost] = Reason.LOST
         reason[~np.isfinite(own)] = Reason.UNKNOWN
         return reason
+
+
+def _known(depth: FloatArray | None, keypoints: Keypoints) -> NDArray[np.bool_]:
+    if depth is None:
+        return np.zeros(len(keypoints), np.bool_)
+    return np.isfinite(sample_depth(depth, keypoints.xy))

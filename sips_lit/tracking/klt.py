@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -37,8 +38,9 @@ class KltTracker:
         """Where N points (N, 2) of image 0 are in image 1, and which of these tracks hold (N,)."""
         if not len(xy):
             return xy.reshape(0, 2), np.zeros(0, np.bool_)
-        forth, found, _ = cv2.calcOpticalFlowPyrLK(image0, image1, xy, None, **self._options())
-        back, found_back, _ = cv2.calcOpticalFlowPyrLK(image1, image0, forth, None, **self._options())
+        no_guess: Any = None  # OpenCV's type stubs do not know that it may be left out
+        forth, found, _ = cv2.calcOpticalFlowPyrLK(image0, image1, xy, no_guess, **self._options())
+        back, found_back, _ = cv2.calcOpticalFlowPyrLK(image1, image0, forth, no_guess, **self._options())
         height, width = image1.shape
         high = np.array([width, height], np.float32) - 1 - self.margin
         returns = ((back - xy) ** 2).sum(1) <= self.max_roundtrip**2
@@ -54,7 +56,7 @@ class KltTracker:
         """
         alive = np.arange(len(xy))
         places = np.ascontiguousarray(xy, np.float32)
-        for image0, image1 in zip(frames[:-1], frames[1:], strict=True):
+        for image0, image1 in itertools.pairwise(frames):
             places, held = self.step(image0, image1, places)
             alive, places = alive[held], places[held]
         ends = np.full((len(xy), 2), np.nan, np.float32)

@@ -63,7 +63,8 @@ class OverlapIndex:
     def overlap(self, index: int) -> NDArray[np.float64]:
         """Overlap of frame ``index`` with frames index + 1, index + 2, ...; zero beyond the end."""
         row = self.survivors[self.offsets[index] : self.offsets[index + 1]]
-        return row / max(1, self.points[index])
+        overlap: NDArray[np.float64] = row / max(1, self.points[index])
+        return overlap
 
     def reach(self, overlap: float) -> NDArray[np.int64]:
         """For each frame (N,) how many frames further the last one is that still has at least this overlap."""
@@ -90,9 +91,7 @@ def measure_overlap(
     return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points)
 
 
-def _track_all(
-    sequence: ImageSequence, parameters: OverlapParameters
-) -> Iterator[tuple[int, int, list[list[int]]]]:
+def _track_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator[tuple[int, int, list[list[int]]]]:
     """For each frame: its index, how many points it has, and the rows that end here, in the order of their frames.
 
     One set of tracks serves all frames: the points of frame i are those alive in it, so its survivors in frame j are the

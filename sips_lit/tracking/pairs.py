@@ -22,55 +22,37 @@ class PairChoice:
 
 
 class PairSampler:
-    """Draws a random frame and a random later frame with enough overlap, in random order.
+    """Draws a random frame of some sequences and a random later frame with enough overlap, in random order.
 
-    ``weights``: relative probability of each sequence's frames (default: every frame of every sequence counts alike).
-    A draw is a pure function of (seed, epoch, index). Raises BadInputError when no pair reaches the overlap.
+    Every frame that has such a partner is equally likely. A draw is a pure function of (seed, epoch, index). Raises
+    BadInputError when no pair reaches the overlap; ``names`` tells the user where.
     """
 
-    def __init__(
-        self,
-        indexes: Sequence[OverlapIndex],
-        overlap: float,
-        seed: int,
-        weights: Sequence[float] | None = None,
-        names: Sequence[str] = (),
-    ) -> None:
+    def __init__(self, indexes: Sequence[OverlapIndex], overlap: float, seed: int, names: Sequence[str] = ()) -> None:
         reaches = [index.reach(overlap) for index in indexes]
         eligible = [np.flatnonzero(reach) for reach in reaches]
-        weights = [1.0] * len(indexes) if weights is None else list(weights)
         self.seed = seed
         self._sequence = np.repeat(np.arange(len(indexes)), [len(e) for e in eligible])
         self._frame = np.concatenate([*eligible, np.zeros(0, np.int64)])
         self._reach = np.concatenate([*(r[e] for r, e in zip(reaches, eligible, strict=True)), np.zeros(0, np.int64)])
-        cumulative = np.cumsum(np.asarray(weights, np.float64)[self._sequence])
-        if not len(cumulative) or cumulative[-1] <= 0:
-            best = max((float(index.overlap(i).max(initial=0)) for index in indexes for i in range(len(index))), default=0)
-            where = f" in {', '.join(names)}" if names else ""
-            raise BadInputError(
-                f"no two frames{where} overlap by {overlap:g}: the most found is {best:.2f}; give more or closer frames "
-                "of one moving camera, in temporal order, or ask for less overlap"
+        if not len(self._frame):
+            best = max(
+                (float(index.overlap(i).max(initial=0)) for index in indexes for i in range(len(index))), default=0
             )
-        self._cumulative = cumulative / cumulative[-1]
+            raise BadInputError(
+                f"no two frames of {', '.join(names) or 'the data'} overlap by {overlap:g}: the most found is {best:.2f}; "
+                "give more or closer frames of one moving camera, in temporal order, or ask for less overlap"
+            )
 
     def draw(self, epoch: int, index: int) -> PairChoice:
         """Draw number ``index`` of an epoch."""
         generator = np.random.default_rng([self.seed, epoch, index])
-        at = int(np.searchsorted(self._cumulative, generator.random(), side="right"))
+        at = int(generator.integers(len(self._frame)))
         first = int(self._frame[at])
         second = first + int(generator.integers(1, self._reach[at] + 1))
         if generator.random() < 0.5:
             first, second = second, first
         return PairChoice(int(self._sequence[at]), first, second)
-
-    def fixed(self, count: int) -> list[PairChoice]:
-        """``count`` different pairs (fewer if there are not so many), always the same for a seed: for evaluation."""
-        chosen: dict[PairChoice, None] = {}
-        for index in range(20 * count):  # with replacement, so pairs repeat: stop looking after many draws
-            chosen[self.draw(0, index)] = None
-            if len(chosen) == count:
-                break
-        return list(chosen)
 
 
 def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool = True) -> FramePair:
@@ -93,7 +75,7 @@ def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool =
 def _geometry(sequence: ImageSequence, index0: int, index1: int) -> ViewGeometry | None:
     pose0, pose1 = sequence.pose(index0), sequence.pose(index1)
     camera0, camera1 = sequence.camera(index0), sequence.camera(index1)
-    depth0 = sequence.depth(index0)
-    if pose0 is None or pose1 is None or camera0 is None or camera1 is None or depth0 is None:
+    depth0, depth1 = sequence.depth(index0), sequence.depth(index1)
+    if pose0 is None or pose1 is None or camera0 is None or camera1 is None or (depth0 is None and depth1 is None):
         return None
-    return ViewGeometry(np.linalg.inv(pose1) @ pose0, camera0, camera1, depth0, sequence.depth(index1))
+    return ViewGeometry(np.linalg.inv(pose1) @ pose0, camera0, camera1, depth0, depth1)

@@ -1,0 +1,59 @@
+"""Validation by calibration: does a predicted probability come true (paper, experiment 4)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import lightning as L
+import torch
+
+from sips_lit.callbacks.tensorboard import writer_of
+from sips_lit.evaluate.verification import VerifiedPair
+from sips_lit.metrics.calibration import Calibration
+from sips_lit.render.reliability import draw_reliability
+from sips_lit.train.labelling import point_labels
+
+
+class CalibrationValidation(L.Callback):
+    """Logs ECE, MCE and Brier score of the points' probabilities, and the reliability diagram as a figure.
+
+    All points that the module selects in the validation pairs count, as in training; those of unknown truth don't.
+    """
+
+    def __init__(self, bins: int = 20) -> None:
+        self.metric = Calibration(bins)
+
+    def on_validation_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        """Starts from no points."""
+        self.metric = self.metric.to(pl_module.device)
+        self.metric.reset()
+
+    def on_validation_batch_end(
+        self,
+        trainer: L.Trainer,
+        pl_module: L.LightningModule,
+        outputs: Any,
+        batch: Any,
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Adds the points of both images of a pair."""
+        assert isinstance(outputs, VerifiedPair)
+        matches, inliers = outputs.at(max(len(outputs.features0), len(outputs.features1)))
+        sides = (
+            (outputs.features0, matches.index0, inliers.known0),
+            (outputs.features1, matches.index1, inliers.known1),
+        )
+        for features, point_of_match, known in sides:
+            labels = point_labels(inliers, point_of_match, known)
+            scores = features.keypoints.score[labels.known]
+            self.metric.update(torch.from_numpy(scores), torch.from_numpy(labels.inlier[labels.known]))
+
+    def on_validation_epoch_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        """Logs the summary."""
+        result = self.metric.result()
+        scalars = {"val/ece": result.ece, "val/mce": result.mce, "val/brier": result.brier}
+        pl_module.log_dict({name: torch.tensor(value) for name, value in scalars.items()}, rank_zero_only=True)
+        writer = writer_of(trainer)
+        if writer is not None:
+            writer.add_figure("validation/reliability", draw_reliability(result), trainer.global_step)

@@ -1,0 +1,98 @@
+"""What keeps a run safe: a stop at the first non-finite loss, and a checkpoint on Ctrl-C."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from dataclasses import asdict
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import lightning as L
+import torch
+from torch import Tensor
+
+from sips_lit.errors import BadInputError, TrainingInterrupted
+from sips_lit.train.loader import LabelledPair
+
+
+class NonFiniteGuard(L.Callback):
+    """Stops before a loss that is NaN or infinite can spoil the weights, and saves the batch that caused it.
+
+    ``folder``: where the batch goes, as plain tensors in ``nonfinite_batch.pt``.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        self.batch: LabelledPair | None = None
+
+    def on_train_batch_start(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int
+    ) -> None:
+        """Remembers the batch."""
+        self.batch = batch
+
+    def on_before_backward(self, trainer: L.Trainer, pl_module: L.LightningModule, loss: Tensor) -> None:
+        """Raises BadInputError when the loss is not finite."""
+        if torch.isfinite(loss):
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path = self.folder / "nonfinite_batch.pt"
+        torch.save(_plain(self.batch), path)
+        raise BadInputError(
+            f"the loss became {float(loss)} at step {trainer.global_step}: the batch is saved as {path}; lower "
+            "optim.optimizer.lr, or train with trainer.precision=32-true; checkpoints up to the last validation are intact"
+        )
+
+
+class GracefulStop(L.Callback):
+    """On Ctrl-C (or SIGTERM) finishes the step, saves ``checkpoint`` and raises TrainingInterrupted.
+
+    During a validation it waits for its end. A second Ctrl-C stops at once and saves nothing.
+    """
+
+    def __init__(self, checkpoint: str | Path) -> None:
+        self.checkpoint = Path(checkpoint)
+        self.requested = False
+        self._previous: dict[int, Any] = {}
+
+    def on_fit_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        """Listens."""
+        self.requested = False
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._previous[number] = signal.signal(number, self._on_signal)
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        """Saves and stops if it was asked to."""
+        if self.requested:
+            trainer.save_checkpoint(self.checkpoint)
+            raise TrainingInterrupted(f"stopped at step {trainer.global_step} and saved {self.checkpoint}")
+
+    def teardown(self, trainer: L.Trainer, pl_module: L.LightningModule, stage: str) -> None:
+        """Gives the signals back."""
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+        self._previous.clear()
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if self.requested:
+            raise KeyboardInterrupt
+        self.requested = True
+        print("\nstopping after this step (again: at once, without a checkpoint)", flush=True)
+
+
+def _plain(batch: LabelledPair | None) -> dict[str, Any]:
+    """A batch as tensors, numbers and strings, which load without running code."""
+    if batch is None:
+        return {}
+    plain: dict[str, Any] = {"name": batch.name, "image0": batch.image0.cpu(), "image1": batch.image1.cpu()}
+    for side, points, labels in (("0", batch.points0, batch.labels0), ("1", batch.points1, batch.labels1)):
+        for name, array in {**asdict(points.keypoints), "row": points.row, "column": points.column}.items():
+            plain[f"{name}{side}"] = torch.from_numpy(array.copy())
+        for name, array in asdict(labels).items():
+            plain[f"{name}{side}"] = torch.from_numpy(array.copy())
+    return plain

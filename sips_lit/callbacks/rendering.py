@@ -1,0 +1,71 @@
+"""Match pictures of some validation pairs, in TensorBoard and as PNG files of the run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import lightning as L
+import torch
+
+from sips_lit.callbacks.tensorboard import writer_of
+from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.selection import image_tensor
+from sips_lit.evaluate.verification import VerifiedPair
+from sips_lit.render.matches import draw_matches
+from sips_lit.types import FloatArray, GreyImage
+
+
+class MatchPictures(L.Callback):
+    """Draws the first ``count`` validation pairs with their ``n`` best points.
+
+    Both images and score maps, circles as thick as the probability, lines for inliers. PNG files go to ``folder`` and show
+    the last validation; TensorBoard keeps all. ``folder`` may be None.
+    """
+
+    def __init__(self, count: int = 4, n: int = 50, folder: str | Path | None = None) -> None:
+        self.count, self.n = count, n
+        self.folder = None if folder is None else Path(folder)
+
+    def on_validation_batch_end(
+        self,
+        trainer: L.Trainer,
+        pl_module: L.LightningModule,
+        outputs: Any,
+        batch: Any,
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Draws the pair."""
+        if batch_idx >= self.count or not trainer.is_global_zero:
+            return
+        assert isinstance(outputs, VerifiedPair)
+        network = pl_module.network
+        assert isinstance(network, ScoreNetwork)
+        pair = outputs.pair
+        matches, inliers = outputs.at(self.n)
+        picture = draw_matches(
+            pair.image0,
+            pair.image1,
+            outputs.features0.best(self.n).keypoints,
+            outputs.features1.best(self.n).keypoints,
+            matches,
+            inliers,
+            score_map(network, pair.image0),
+            score_map(network, pair.image1),
+        )
+        writer = writer_of(trainer)
+        if writer is not None:
+            writer.add_image(f"matches/{batch_idx}", picture, trainer.global_step, dataformats="HWC")
+        if self.folder is not None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            cv2.imwrite(str(self.folder / f"matches_{batch_idx}.png"), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+
+
+@torch.no_grad()
+def score_map(network: ScoreNetwork, image: GreyImage) -> FloatArray:
+    """Probability (H, W) float32 of every pixel of an image (H, W) at full resolution."""
+    device = next(network.parameters()).device
+    scores: FloatArray = torch.sigmoid(network(image_tensor(image, device)))[0, 0].cpu().numpy()
+    return scores

@@ -1,0 +1,1 @@
+"""Evaluation: features of a pair, verified matches for every budget, summaries of many pairs."""

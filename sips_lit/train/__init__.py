@@ -1,0 +1,1 @@
+"""Training: pairs, augmentation, labels one step ahead, loss, LightningModule and DataModule."""

@@ -1,0 +1,89 @@
+"""Augmentation that keeps labels right: mirrors move every frame of a pair alike, photometric changes move nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.geometry.homography import flip_homography
+from sips_lit.types import FramePair, GreyImage
+
+
+@dataclass(frozen=True, slots=True)
+class Augmentation:
+    """Random mirrors of the whole pair, and photometric changes of what the detector sees of each image.
+
+    Trackers keep the clean frames, so a label says that the place is the same though it looks different. ``flip``:
+    probability of each mirror; ``photometric``: probability that an image is changed; the rest are the largest changes:
+    ``contrast`` and ``gamma`` as factors, ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as
+    standard deviation in pixels, ``shade`` as relative change of the light across the image.
+    """
+
+    flip: float = 0.5
+    photometric: float = 0.7
+    contrast: float = 1.6
+    gamma: float = 1.5
+    brightness: float = 30.0
+    noise: float = 6.0
+    blur: float = 1.2
+    shade: float = 0.5
+
+    def __call__(self, pair: FramePair, generator: np.random.Generator) -> FramePair:
+        """Another pair; the same generator state gives the same one."""
+        pair = mirror_pair(pair, generator.random() < self.flip, generator.random() < self.flip)
+        images = (
+            self.change_light(image, generator) if generator.random() < self.photometric else image
+            for image in (pair.image0, pair.image1)
+        )
+        return replace(pair, image0=next(images), image1=next(images))
+
+    def change_light(self, image: GreyImage, generator: np.random.Generator) -> GreyImage:
+        """A photometrically changed copy of an image (H, W) uint8."""
+        height, width = image.shape
+        u = generator.uniform(-1, 1, 6)
+        x = cv2.LUT(image, self._tone_curve(u))
+        angle, shade = np.pi * u[3], self.shade * abs(u[4])
+        across = np.cos(angle) * np.linspace(-1, 1, width, dtype=np.float32)
+        down = np.sin(angle) * np.linspace(-1, 1, height, dtype=np.float32)
+        x = x * (1 + shade * (down[:, None] + across[None, :]) / np.sqrt(2))
+        sigma = self.blur * abs(u[5])
+        if sigma > 0.3:
+            x = cv2.GaussianBlur(x, (0, 0), sigma)
+        x = x + self._noise(image.shape, generator)
+        changed: GreyImage = np.clip(x + 0.5, 0, 255).astype(np.uint8)
+        return changed
+
+    def _tone_curve(self, u: NDArray[np.float64]) -> NDArray[np.float32]:
+        grey = np.linspace(0, 1, 256) ** (self.gamma ** u[0])
+        curve = ((grey - 0.5) * self.contrast ** u[1] + 0.5) * 255 + self.brightness * u[2]
+        return np.asarray(curve, np.float32)
+
+    def _noise(self, shape: tuple[int, ...], generator: np.random.Generator) -> NDArray[np.float32]:
+        sigma = np.float32(self.noise * generator.random())
+        return generator.standard_normal(shape, np.float32) * sigma
+
+
+def mirror_pair(pair: FramePair, horizontal: bool, vertical: bool) -> FramePair:
+    """The pair as a mirror shows it: all frames and the homography. Poses and depth don't survive a mirror."""
+    if not (horizontal or vertical):
+        return pair
+    if pair.geometry is not None:
+        raise ValueError(
+            f"{pair.name} has poses and depth, which a mirrored pair can't keep: train it with augment.flip=0"
+        )
+
+    def mirror(image: GreyImage) -> GreyImage:
+        return np.ascontiguousarray(image[:: -1 if vertical else 1, :: -1 if horizontal else 1])
+
+    height, width = pair.image0.shape
+    H = pair.homography
+    return replace(
+        pair,
+        frames=tuple(mirror(frame) for frame in pair.frames),
+        image0=mirror(pair.image0),
+        image1=mirror(pair.image1),
+        homography=None if H is None else flip_homography(H, (width, height), horizontal, vertical),
+    )

@@ -1,0 +1,119 @@
+"""The DataModule: overlap indexes, pairs, and labels made one step ahead."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import lightning as L
+import torch
+from torch.utils.data import DataLoader
+
+from sips_lit.errors import BadInputError
+from sips_lit.frames.source import Source, as_sources, split_tail
+from sips_lit.tracking.build import build_indexes
+from sips_lit.tracking.overlap import OverlapParameters
+from sips_lit.train.augment import Augmentation
+from sips_lit.train.dataset import FixedPairs, PackedPairs, SourceSampler, TrainingPairs
+from sips_lit.train.loader import LabelledPair, OneStepAhead
+from sips_lit.types import Descriptor, ImageSequence, InlierCheck
+
+
+class PairDataModule(L.LightningDataModule):
+    """Pairs of frames with enough overlap, with labels for the points that the network selects.
+
+    ``data``: sequences, or sources with weights; ``val_data``: the same for validation, or None to keep the last
+    ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``val_pairs``: how many
+    fixed pairs validate; ``loading_workers``: processes that decode and augment; ``labelling_workers``: threads that
+    describe, match and track; ``index_folder``: where overlap indexes are kept.
+    """
+
+    def __init__(
+        self,
+        data: Sequence[ImageSequence] | Sequence[Source],
+        descriptor: Descriptor,
+        inliers: InlierCheck,
+        index_folder: str | Path,
+        val_data: Sequence[ImageSequence] | Sequence[Source] | None = None,
+        augmentation: Augmentation | None = None,
+        overlap_parameters: OverlapParameters | None = None,
+        overlap: float = 0.3,
+        val_fraction: float = 0.15,
+        val_pairs: int = 30,
+        loading_workers: int = 2,
+        labelling_workers: int = 2,
+        seed: int = 0,
+    ) -> None:
+        super().__init__()
+        self.descriptor, self.inliers, self.augmentation = descriptor, inliers, augmentation
+        self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
+        self.overlap, self.val_pairs, self.seed = overlap, val_pairs, seed
+        self.loading_workers, self.labelling_workers = loading_workers, labelling_workers
+        if val_data is None:
+            self.sources, self.val_sources = split_tail(as_sources(data), val_fraction)
+        else:
+            self.sources, self.val_sources = as_sources(data), as_sources(val_data)
+        if not self.sources or not self.val_sources:
+            raise BadInputError(
+                f"the sequences are too short to keep {val_fraction:.0%} of each for validation: give more frames, a larger "
+                "datamodule.val_fraction, or validation data of its own (data@val_data=... val_data.path=...)"
+            )
+
+    @property
+    def source_names(self) -> list[str]:
+        """Names of the training sources, in the order of `LabelledPair.source`."""
+        return [source.name for source in self.sources]
+
+    def check_of(self, source: Source) -> InlierCheck:
+        """The inlier check that labels or verifies pairs of a source."""
+        return source.inliers or self.inliers
+
+    def prepare_data(self) -> None:
+        """Measures the overlap indexes that are missing (on one process of each machine)."""
+        self._sampler(self.sources)
+        self._sampler(self.val_sources)
+
+    def setup(self, stage: str) -> None:
+        """Reads the indexes and fixes the validation pairs."""
+        self.sampler = self._sampler(self.sources)
+        self.val_choices = self._sampler(self.val_sources).fixed(self.val_pairs)
+
+    def _sampler(self, sources: list[Source]) -> SourceSampler:
+        sequences = [sequence for source in sources for sequence in source.sequences]
+        indexes = build_indexes(sequences, self.index_folder, self.overlap_parameters, max(1, self.loading_workers))
+        return SourceSampler(sources, indexes, self.overlap, self.seed)
+
+    def train_dataloader(self) -> OneStepAhead:
+        """Labelled pairs; the points are selected by the module that is being trained."""
+        trainer = self.trainer
+        if trainer is None or trainer.max_steps <= 0:
+            raise BadInputError("training is counted in steps: set trainer.max_steps to a positive number")
+        steps = trainer.max_steps * trainer.accumulate_grad_batches * trainer.world_size
+        pairs = TrainingPairs(self.sources, self.sampler, self.inliers, self.augmentation, steps)
+        select: Any = trainer.lightning_module.select
+        return OneStepAhead(
+            PackedPairs(pairs),
+            select,
+            self.descriptor,
+            [self.check_of(source) for source in self.sources],
+            self.loading_workers,
+            self.labelling_workers,
+            first=trainer.global_rank,
+            stride=trainer.world_size,
+        )
+
+    def val_dataloader(self) -> DataLoader[Any]:
+        """Fixed pairs, packed."""
+        pairs = PackedPairs(FixedPairs(self.val_sources, self.val_choices, self.inliers))
+        return DataLoader(pairs, batch_size=None, num_workers=0)
+
+    def transfer_batch_to_device(self, batch: Any, device: torch.device, dataloader_idx: int) -> Any:
+        """Only the images of a labelled pair go to the device."""
+        return batch.to(device) if isinstance(batch, LabelledPair) else batch
+
+    def validation_digest(self) -> str:
+        """Changes when the validation pairs change: curves of different runs compare only where it is the same."""
+        names = [(self.val_sources[at].sequences[choice.sequence].name, choice) for at, choice in self.val_choices]
+        return hashlib.sha256(repr(names).encode()).hexdigest()[:8]

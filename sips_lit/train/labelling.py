@@ -1,0 +1,84 @@
+"""From selected points to labels: descriptors, matches, inliers (paper, label generation)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.types import Descriptor, Features, FramePair, InlierCheck, Inliers, Keypoints, Matches, Reason
+
+Map = Callable[..., Iterable[Any]]
+"""The built-in `map`, or the one of an executor that runs the calls side by side."""
+
+
+@dataclass(frozen=True, slots=True)
+class PointLabels:
+    """For the N selected points of one image: ``inlier`` (N,), ``known`` (N,) bool and ``reason`` (N,) uint8 (`Reason`).
+
+    A point is an inlier if its match is one; every other point is an outlier, matched or not, unless nothing is known.
+    """
+
+    inlier: NDArray[np.bool_]
+    known: NDArray[np.bool_]
+    reason: NDArray[np.uint8]
+
+
+def label_pair(
+    pair: FramePair,
+    keypoints0: Keypoints,
+    keypoints1: Keypoints,
+    descriptor: Descriptor,
+    check: InlierCheck,
+    parallel: Map = map,
+    parts: int = 1,
+) -> tuple[PointLabels, PointLabels]:
+    """Labels of the points of both images. ``parallel`` may run up to ``parts`` calls at once; the labels don't change."""
+    described = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
+    features0, features1 = (
+        Features(keypoints, descriptors, descriptor.norm)
+        for keypoints, descriptors in zip((keypoints0, keypoints1), described, strict=True)
+    )
+    matches = mutual_nearest(distances(features0, features1))
+    inliers = _check_in_parts(pair, keypoints0, keypoints1, matches, check, parallel, parts)
+    return (
+        point_labels(inliers, matches.index0, inliers.known0),
+        point_labels(inliers, matches.index1, inliers.known1),
+    )
+
+
+def point_labels(inliers: Inliers, point_of_match: NDArray[np.int64], known: NDArray[np.bool_]) -> PointLabels:
+    """Labels of the points of one image from what is known about their matches."""
+    reason = np.where(known, Reason.UNMATCHED, Reason.UNKNOWN).astype(np.uint8)
+    reason[point_of_match] = inliers.reason
+    return PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason)
+
+
+def _check_in_parts(
+    pair: FramePair,
+    keypoints0: Keypoints,
+    keypoints1: Keypoints,
+    matches: Matches,
+    check: InlierCheck,
+    parallel: Map,
+    parts: int,
+) -> Inliers:
+    if parts == 1 or not check.independent:
+        return check(pair, keypoints0, keypoints1, matches)
+    chunks = [
+        Matches(index0, index1)
+        for index0, index1 in zip(
+            np.array_split(matches.index0, parts), np.array_split(matches.index1, parts), strict=True
+        )
+    ]
+    answers = list(parallel(lambda chunk: check(pair, keypoints0, keypoints1, chunk), chunks))
+    return Inliers(
+        np.concatenate([answer.inlier for answer in answers]),
+        np.concatenate([answer.reason for answer in answers]),
+        np.any([answer.known0 for answer in answers], axis=0),
+        np.any([answer.known1 for answer in answers], axis=0),
+    )

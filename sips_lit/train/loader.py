@@ -1,0 +1,145 @@
+"""Labels one step ahead: while the optimiser works on pair t, the points of pair t + 1 are selected and labelled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.utils.data import DataLoader, Subset
+
+from sips_lit.detect.selection import SelectedPoints, image_tensor
+from sips_lit.train.dataset import PackedPairs, SourcePair, unpack
+from sips_lit.train.labelling import PointLabels, label_pair
+from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledPair:
+    """What a training step needs: both images (1, 1, H, W) float, their points and labels, where the pair is from."""
+
+    image0: Tensor
+    image1: Tensor
+    points0: SelectedPoints
+    points1: SelectedPoints
+    labels0: PointLabels
+    labels1: PointLabels
+    source: int
+    name: str
+
+    def to(self, device: torch.device, non_blocking: bool = False) -> LabelledPair:
+        """The same with its images on a device; points and labels stay where they are small and used."""
+        image0, image1 = (image.to(device, non_blocking=non_blocking) for image in (self.image0, self.image1))
+        return replace(self, image0=image0, image1=image1)
+
+
+Points = tuple[SelectedPoints, SelectedPoints]
+
+
+class OneStepAhead:
+    """Yields pairs labelled by the network as it was one optimiser step earlier, whatever the timing.
+
+    Asks ``select`` for the points of the next pair, hands them to ``workers`` labelling threads (OpenCV releases the
+    GIL), and yields the pair labelled before. The state is the position in the stream of pairs and the points of the pair
+    that is being labelled: with it a resumed run continues as if it had not been interrupted.
+    """
+
+    def __init__(
+        self,
+        pairs: PackedPairs,
+        select: Callable[[GreyImage], SelectedPoints],
+        descriptor: Descriptor,
+        checks: Sequence[InlierCheck],
+        loading_workers: int,
+        labelling_workers: int,
+        first: int = 0,
+        stride: int = 1,
+    ) -> None:
+        self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
+        self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
+        self.first, self.stride = first, stride  # this process takes pairs first, first + stride, ...
+        self.position = 0
+        self._ahead: Points | None = None
+
+    def __len__(self) -> int:
+        """Pairs in the whole stream: independent of the position, as Lightning counts batches from the start."""
+        return len(range(self.first, len(self.pairs), self.stride))
+
+    def __iter__(self) -> Iterator[LabelledPair]:
+        """Continues at ``position``."""
+        indices = range(self.first, len(self.pairs), self.stride)[self.position :]
+        stream = iter(
+            DataLoader(
+                Subset(self.pairs, indices),
+                batch_size=None,
+                num_workers=self.loading_workers,
+                worker_init_fn=_quiet_worker,
+            )
+        )
+        with ThreadPoolExecutor(1) as coordinator, ThreadPoolExecutor(self.labelling_workers) as workers:
+
+            def submit(ahead: Points | None = None) -> tuple[Points, Future[LabelledPair]] | None:
+                packed = next(stream, None)
+                if packed is None:
+                    return None
+                item = unpack(packed)
+                points = ahead or (self.select(item.pair.image0), self.select(item.pair.image1))
+                return points, coordinator.submit(self._label, item, points, workers)
+
+            labelling = submit(self._ahead)
+            while labelling is not None:
+                following = submit()
+                labelled = labelling[1].result()
+                self.position += 1
+                self._ahead = following[0] if following else None
+                yield labelled
+                labelling = following
+
+    def _label(self, item: SourcePair, points: Points, workers: ThreadPoolExecutor) -> LabelledPair:
+        pair = item.pair
+        labels0, labels1 = label_pair(
+            pair,
+            points[0].keypoints,
+            points[1].keypoints,
+            self.descriptor,
+            self.checks[item.source],
+            workers.map,
+            self.labelling_workers,
+        )
+        images = image_tensor(pair.image0), image_tensor(pair.image1)
+        return LabelledPair(*images, *points, labels0, labels1, item.source, pair.name)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Plain numbers and tensors, as a checkpoint may hold."""
+        return {"position": self.position, "ahead": [_to_state(points) for points in self._ahead or ()]}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Continue where the state was taken."""
+        self.position = state["position"]
+        self._ahead = (_from_state(state["ahead"][0]), _from_state(state["ahead"][1])) if state["ahead"] else None
+
+
+def _to_state(points: SelectedPoints) -> dict[str, Tensor]:
+    k = points.keypoints
+    arrays: dict[str, Any] = {"xy": k.xy, "score": k.score, "scale": k.scale}
+    arrays |= {"level": points.level, "row": points.row, "column": points.column}
+    return {name: torch.from_numpy(array.copy()) for name, array in arrays.items()}
+
+
+def _from_state(state: dict[str, Tensor]) -> SelectedPoints:
+    a = {name: tensor.numpy() for name, tensor in state.items()}
+    return SelectedPoints(Keypoints(a["xy"], a["score"], a["scale"]), a["level"], a["row"], a["column"])
+
+
+def _quiet_worker(_: int) -> None:
+    """A loading worker leaves the threads to the network, and Ctrl-C to the parent."""
+    import signal
+
+    import cv2
+
+    cv2.setNumThreads(0)  # forked OpenCV threads hang
+    torch.set_num_threads(1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

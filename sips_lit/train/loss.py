@@ -1,0 +1,15 @@
+"""The sparse inlierness loss (paper, loss section)."""
+
+from __future__ import annotations
+
+import torch.nn.functional as F
+from torch import Tensor
+
+
+def inlierness_loss(logits: Tensor, inlier: Tensor, known: Tensor) -> Tensor:
+    """Sum of -log P at inliers and -log(1 - P) at all other selected points, P = sigmoid(logit); all inputs (N,).
+
+    Points whose truth is not known are ignored. Zero for no points. Computed on logits: no P can make it infinite.
+    """
+    losses = F.binary_cross_entropy_with_logits(logits, inlier.to(logits.dtype), reduction="none")
+    return (losses * known).sum()

@@ -1,0 +1,103 @@
+"""The LightningModule: score network, sparse inlierness loss, validation of pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import lightning as L
+import numpy as np
+import torch
+from torch import Tensor
+from torch.optim import Optimizer
+from torch.optim.lr_scheduler import LRScheduler
+
+from sips_lit.detect.score_network import Gradient, ScoreNetwork
+from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor, logits_at
+from sips_lit.evaluate.verification import verify
+from sips_lit.train.datamodule import PairDataModule
+from sips_lit.train.dataset import unpack
+from sips_lit.train.loader import LabelledPair
+from sips_lit.train.loss import inlierness_loss
+from sips_lit.types import Features, GreyImage, Reason
+
+
+class SipsModule(L.LightningModule):
+    """Trains a score network on labelled pairs; a step is one pair.
+
+    ``optimizer`` makes an optimiser of the parameters; ``scheduler``, if any, a schedule of the optimiser and the number of
+    steps (``T_max``). ``points``: how many are selected in each image; ``gradient``: see `ScoreNetwork.at`.
+    """
+
+    def __init__(
+        self,
+        network: ScoreNetwork,
+        selector: PointSelector,
+        optimizer: Callable[..., Optimizer],
+        scheduler: Callable[..., LRScheduler] | None = None,
+        points: int = 500,
+        gradient: Gradient = "patches",
+    ) -> None:
+        super().__init__()
+        self.network, self.selector = network, selector
+        self.make_optimizer, self.make_scheduler = optimizer, scheduler
+        self.points, self.gradient = points, gradient
+        self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)})
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Logits (B, 1, H, W) of images (B, 1, H, W)."""
+        logits: Tensor = self.network(image)
+        return logits
+
+    def select(self, image: GreyImage) -> SelectedPoints:
+        """The points of an image (H, W) that the network selects now."""
+        with self.trainer.precision_plugin.forward_context():
+            return self.selector.select(self.network, image_tensor(image, self.device), self.points)
+
+    def training_step(self, pair: LabelledPair, batch_idx: int) -> Tensor:
+        """Summed loss over the points of both images."""
+        sides = (pair.image0, pair.points0, pair.labels0), (pair.image1, pair.points1, pair.labels1)
+        loss = torch.zeros((), device=self.device)
+        for image, points, labels in sides:
+            logits = logits_at(self.network, image, points, self.gradient)
+            inlier, known = (torch.from_numpy(a).to(logits.device) for a in (labels.inlier, labels.known))
+            loss = loss + inlierness_loss(logits, inlier, known)
+        self._log_labels(pair, loss)
+        return loss
+
+    def _log_labels(self, pair: LabelledPair, loss: Tensor) -> None:
+        known = np.concatenate([pair.labels0.known, pair.labels1.known])
+        reason = np.concatenate([pair.labels0.reason, pair.labels1.reason])[known]
+        count = max(1, len(reason))
+        rates = {f"labels/{r.name.lower()}": float((reason == r).sum() / count) for r in Reason if r != Reason.UNKNOWN}
+        source = self.data.source_names[pair.source]
+        self.log_dict({**rates, f"inlier_rate/{source}": rates["labels/inlier"]}, batch_size=1)
+        self.log("train/points", float(len(known)), batch_size=1)
+        self.log("train/loss", loss.detach() / count, prog_bar=True, batch_size=1)
+        self.log("inliers", rates["labels/inlier"], prog_bar=True, logger=False, batch_size=1)
+
+    def validation_step(self, packed: Any, batch_idx: int) -> Any:
+        """A validation pair as a `VerifiedPair`: the validation callbacks measure it."""
+        item = unpack(packed)
+        check = self.data.check_of(self.data.val_sources[item.source])
+        return verify(item.pair, self._features(item.pair.image0), self._features(item.pair.image1), check)
+
+    def _features(self, image: GreyImage) -> Features:
+        keypoints, descriptor = self.select(image).keypoints, self.data.descriptor
+        return Features(keypoints, descriptor.describe(image, keypoints), descriptor.norm)
+
+    @property
+    def data(self) -> PairDataModule:
+        """The DataModule that this module is trained with."""
+        data: PairDataModule = self.trainer.datamodule  # type: ignore[attr-defined]  # set by Trainer.fit
+        return data
+
+    def configure_optimizers(self) -> Any:
+        """Optimiser and, if any, a schedule that ends with the last step of the run."""
+        optimizer = self.make_optimizer(self.network.parameters())
+        if self.make_scheduler is None:
+            return optimizer
+        steps = int(self.trainer.estimated_stepping_batches)
+        scheduler = self.make_scheduler(optimizer, T_max=max(1, steps))
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
