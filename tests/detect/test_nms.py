@@ -1,0 +1,94 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from sips_lit.detect.nms import local_maxima
+
+
+def window(scores: np.ndarray, row: int, column: int, radius: int) -> list[tuple[int, int]]:
+    return [
+        (r, c)
+        for r in range(max(0, row - radius), min(scores.shape[0], row + radius + 1))
+        for c in range(max(0, column - radius), min(scores.shape[1], column + radius + 1))
+    ]
+
+
+def brute_force(scores: np.ndarray, radius: int) -> list[tuple[int, int]]:
+    """The definition, pixel by pixel."""
+
+    def unsurpassed(row: int, column: int) -> bool:
+        own = scores[row, column]
+        return own > -math.inf and not any(scores[place] > own for place in window(scores, row, column, radius))
+
+    kept = []
+    for row, column in np.ndindex(scores.shape):
+        earlier_equals = [
+            place
+            for place in window(scores, row, column, radius)
+            if scores[place] == scores[row, column] and place < (row, column) and unsurpassed(*place)
+        ]
+        if unsurpassed(row, column) and not earlier_equals:
+            kept.append((row, column))
+    return sorted(kept, key=lambda place: (-scores[place], place))
+
+
+def found(scores: np.ndarray, radius: int) -> list[tuple[int, int]]:
+    rows, columns = local_maxima(torch.from_numpy(np.ascontiguousarray(scores)), radius)
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
+
+
+FEW_VALUES = st.sampled_from([0.0, 1.0, 2.0, 3.0, -1.0, -0.0, math.nan, -math.inf, math.inf])
+FEW_HIGH = st.sampled_from([0.0, 0.0, 0.0, 5.0])
+
+
+@given(
+    st.one_of(
+        arrays(np.float32, array_shapes(min_dims=2, max_dims=2, max_side=9), elements=FEW_VALUES),
+        arrays(np.float32, array_shapes(min_dims=2, max_dims=2, max_side=9), elements=FEW_HIGH),
+        arrays(np.float32, array_shapes(min_dims=2, max_dims=2, max_side=9), elements=st.floats(-9, 9, width=16)),
+    ),
+    st.integers(0, 4),
+)
+@settings(max_examples=150, deadline=None)
+def test_as_defined_pixel_by_pixel(scores, radius):
+    kept = found(scores, radius)
+    assert kept == brute_force(scores, radius)
+    for i, a in enumerate(kept):
+        assert all(max(abs(a[0] - b[0]), abs(a[1] - b[1])) > radius for b in kept[:i])
+
+
+@pytest.mark.parametrize("radius", [0, 1, 5, 8])
+def test_large_random_map(radius):
+    scores = np.random.default_rng(radius).standard_normal((40, 53)).astype(np.float32)
+    assert found(scores, radius) == brute_force(scores, radius)
+
+
+def test_a_pixel_surpassed_elsewhere_does_not_suppress_its_equals():
+    scores = np.array([[3.0, 2, 2]], np.float32)  # the middle one falls to the 3, the right one is beside an equal only
+    assert found(scores, 1) == [(0, 0), (0, 2)]
+
+
+@pytest.mark.parametrize("radius", [1, 4])
+def test_of_a_constant_map_only_the_first_pixel_is_kept(radius):
+    assert found(np.full((7, 6), 0.25, np.float32), radius) == [(0, 0)]
+
+
+def test_radius_zero_keeps_every_pixel_in_order():
+    assert found(np.array([[1.0, 2], [2, 3]], np.float32), 0) == [(1, 1), (0, 1), (1, 0), (0, 0)]
+
+
+@pytest.mark.parametrize(("value", "kept"), [(0.3, [(0, 0)]), (math.nan, []), (-math.inf, []), (math.inf, [(0, 0)])])
+def test_a_single_pixel(value, kept):
+    assert found(np.array([[value]], np.float32), 5) == kept
+
+
+def test_a_neighbour_at_the_radius_is_suppressed_and_one_beyond_is_not():
+    scores = np.zeros((1, 12), np.float32)
+    scores[0, [2, 7]] = [2, 1]
+    assert (0, 7) not in found(scores, 5)
+    assert found(scores, 4)[:2] == [(0, 2), (0, 7)]

@@ -1,0 +1,131 @@
+import pytest
+import torch
+from torch import nn
+
+from sips_lit.detect.score_network import ScoreNetwork
+
+
+def network(depth: int = 4, width: int = 8, seed: int = 0) -> ScoreNetwork:
+    torch.manual_seed(seed)
+    return ScoreNetwork(depth, width)
+
+
+def noise(height: int, width: int, batch: int = 1, seed: int = 1) -> torch.Tensor:
+    return 255 * torch.rand(batch, 1, height, width, generator=torch.Generator().manual_seed(seed))
+
+
+@pytest.mark.parametrize(
+    ("depth", "width", "outputs"),
+    [
+        (10, 32, [16] * 5 + [32] * 4 + [1]),
+        (5, 8, [4, 4, 8, 8, 1]),
+        (2, 2, [1, 1]),
+        (12, 256, [128] * 6 + [256] * 5 + [1]),
+    ],
+)
+def test_half_the_width_in_the_first_half_of_the_layers(depth, width, outputs):
+    layers = list(ScoreNetwork(depth, width).layers)
+    assert [layer.out_channels for layer in layers] == outputs
+    assert [layer.in_channels for layer in layers] == [1, *outputs[:-1]]
+    assert {layer.kernel_size for layer in layers} == {(3, 3)}
+
+
+def test_the_small_paper_network_has_42113_weights():
+    assert sum(p.numel() for p in ScoreNetwork(10, 32).parameters()) == 42113
+
+
+def test_probabilities_start_near_those_of_the_bias():
+    with torch.no_grad():
+        probability = torch.sigmoid(network(10, 32)(noise(40, 40)))
+    assert float(probability.mean()) == pytest.approx(torch.sigmoid(torch.tensor(-1.5)).item(), abs=0.05)
+    assert float(probability.std()) > 1e-4  # the points of an untrained network have an order
+
+
+@pytest.mark.parametrize(("depth", "row", "column"), [(2, 9, 9), (4, 10, 12), (5, 0, 7)])
+def test_receptive_field_is_exactly_the_radius(depth, row, column):
+    net, image = network(depth), noise(24, 26)
+    with torch.no_grad():
+        before = net(image)[0, 0, row, column]
+        beyond = image.clone()
+        beyond[0, 0, row + depth + 1, :] = 255 - beyond[0, 0, row + depth + 1, :]
+        beyond[0, 0, :, column + depth + 1] = 255 - beyond[0, 0, :, column + depth + 1]
+        assert net(beyond)[0, 0, row, column] == before
+        at_edge = image.clone()
+        at_edge[0, 0, row + depth, column + depth] += 2000
+        assert net(at_edge)[0, 0, row, column] != before
+    assert net.radius == depth
+
+
+@pytest.mark.parametrize("size", [(17, 23), (1, 1), (2, 9), (3, 3)])
+def test_the_whole_map_is_that_of_a_plain_network_on_a_replicated_border(size):
+    net, image = network(6), noise(*size)
+    plain: list[nn.Module] = [nn.ReplicationPad2d(6)]
+    for layer in net.layers:
+        plain += [layer, nn.LeakyReLU(0.01)]
+    with torch.no_grad():
+        expected = nn.Sequential(*plain[:-1])((image - 127) / 64)
+        actual = net(image)
+    assert actual.shape == (1, 1, *size)
+    torch.testing.assert_close(actual, expected, rtol=1e-4, atol=1e-5)
+
+
+def test_with_and_without_gradient_the_logits_are_equal():
+    net, image = network(5), noise(20, 21)
+    with torch.no_grad():
+        inference = net(image)
+    torch.testing.assert_close(net(image).detach(), inference, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(33, 41), (1, 5)])
+def test_a_batch_gives_what_single_images_give(size):
+    net, images = network(), noise(*size, batch=3)
+    with torch.no_grad():
+        singles = torch.cat([net(image[None]) for image in images])
+        torch.testing.assert_close(net(images), singles, rtol=0, atol=1e-5)
+
+
+def gradient_of(net: ScoreNetwork, logits: torch.Tensor) -> torch.Tensor:
+    weights = torch.linspace(-1, 1, len(logits))
+    gradients = torch.autograd.grad((logits * weights).sum(), list(net.parameters()))
+    return torch.cat([gradient.flatten() for gradient in gradients])
+
+
+@pytest.mark.parametrize(("depth", "size"), [(4, (21, 30)), (10, (25, 25)), (6, (3, 4))])
+def test_patches_have_the_logits_and_gradients_of_the_dense_map(depth, size):
+    net, image = network(depth), noise(*size)
+    generator = torch.Generator().manual_seed(3)
+    height, width = size
+    rows = torch.cat([torch.randint(height, (9,), generator=generator), torch.tensor([0, 0, height - 1, height - 1])])
+    columns = torch.cat([torch.randint(width, (9,), generator=generator), torch.tensor([0, width - 1, 0, width - 1])])
+    patches, dense = net.at(image, rows, columns, "patches"), net.at(image, rows, columns, "dense")
+    with torch.no_grad():
+        torch.testing.assert_close(dense, net(image)[0, 0, rows, columns], rtol=0, atol=1e-6)
+    torch.testing.assert_close(patches, dense, rtol=1e-5, atol=1e-5)
+    expected, actual = gradient_of(net, dense), gradient_of(net, patches)
+    assert float((actual - expected).norm() / expected.norm()) < 1e-5
+
+
+@pytest.mark.parametrize("route", ["patches", "dense"])
+def test_no_pixels_no_logits(route):
+    none = torch.zeros(0, dtype=torch.long)
+    assert network().at(noise(9, 9), none, none, route).shape == (0,)
+
+
+@pytest.mark.parametrize(("depth", "width"), [(1, 8), (4, 7), (4, 0), (0, 2)])
+def test_impossible_layers_are_refused(depth, width):
+    with pytest.raises(ValueError, match="depth >= 2 and an even width"):
+        ScoreNetwork(depth, width)
+
+
+@pytest.mark.parametrize(("scales", "factor"), [(0, 1.4), (2, 1.0)])
+def test_impossible_pyramids_are_refused(scales, factor):
+    with pytest.raises(ValueError, match="scales >= 1"):
+        ScoreNetwork(4, 8, scales=scales, scale_factor=factor)
+
+
+def test_config_rebuilds_the_network():
+    net = ScoreNetwork(3, 4, leaky_slope=0.2, start_bias=-1.0, scales=2, scale_factor=1.5)
+    again = ScoreNetwork(**net.config)
+    again.load_state_dict(net.state_dict())
+    with torch.no_grad():
+        torch.testing.assert_close(again(noise(9, 9)), net(noise(9, 9)), rtol=0, atol=0)

@@ -1,0 +1,142 @@
+import numpy as np
+import pytest
+import torch
+from textured_scenes import texture
+
+from sips_lit.detect.nms import local_maxima
+from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.selection import PointSelector, image_tensor, logits_at
+from sips_lit.errors import BadInputError
+
+
+def network(scales: int = 1, depth: int = 4, seed: int = 0) -> ScoreNetwork:
+    torch.manual_seed(seed)
+    return ScoreNetwork(depth, 8, scales=scales)
+
+
+def blob_network(scales: int) -> ScoreNetwork:
+    """Logit = a centre-surround filter: high in the middle of bright blobs of one size."""
+    net = ScoreNetwork(3, 2, leaky_slope=0.01, scales=scales)
+    box = torch.full((3, 3), 1 / 9)
+    surround = -box
+    surround[1, 1] += 1
+    with torch.no_grad():
+        for layer, kernel in zip(net.layers, (box, box, surround), strict=True):
+            layer.weight.zero_()
+            layer.bias.zero_()
+            layer.weight[0, 0] = kernel
+        net.layers[0].bias.fill_(10)  # stays positive: the leaky ReLUs change nothing
+    return net
+
+
+IMAGE = image_tensor(texture(90, 121, 5))
+
+
+def test_single_scale_is_the_best_local_maxima_of_the_map():
+    net = network()
+    with torch.no_grad():
+        logits = net(IMAGE)[0, 0]
+    rows, columns = local_maxima(logits, 5)
+    points = PointSelector(5, subpixel=False).select(net, IMAGE, 12)
+    np.testing.assert_array_equal(points.keypoints.xy, torch.stack([columns, rows], 1)[:12].float().numpy())
+    np.testing.assert_array_equal(points.row, rows[:12])
+    np.testing.assert_array_equal(points.column, columns[:12])
+    np.testing.assert_allclose(points.keypoints.score, torch.sigmoid(logits[rows, columns])[:12].numpy(), rtol=1e-6)
+    assert set(points.level) == {0}
+    assert set(points.keypoints.scale) == {1.0}
+
+
+def test_sub_pixel_moves_points_by_half_a_pixel_at_most():
+    net = network()
+    coarse = PointSelector(5, subpixel=False).select(net, IMAGE, 40).keypoints
+    fine = PointSelector(5, subpixel=True).select(net, IMAGE, 40).keypoints
+    moved = np.abs(fine.xy - coarse.xy)
+    assert 0.02 < moved.mean() < moved.max() <= 0.5
+    np.testing.assert_array_equal(fine.score, coarse.score)
+
+
+@pytest.mark.parametrize("scales", [1, 4])
+@pytest.mark.parametrize("radius", [2, 5])
+def test_no_two_points_within_the_radius(scales, radius):
+    points = PointSelector(radius, subpixel=False).select(network(scales), IMAGE, 10_000)
+    distances = np.abs(points.keypoints.xy[:, None] - points.keypoints.xy[None]).max(2)
+    np.fill_diagonal(distances, np.inf)
+    assert distances.min() > radius - 1e-3
+    if scales > 1:
+        assert len(np.unique(points.level)) > 1
+
+
+@pytest.mark.parametrize("scales", [1, 4])
+@pytest.mark.parametrize("n", [0, 1, 7, 10_000])
+def test_at_most_n_points_sorted_and_the_same_as_the_first_of_more(scales, n):
+    net, selector = network(scales), PointSelector(3)
+    points, all_points = selector.select(net, IMAGE, n), selector.select(net, IMAGE, 10_000)
+    assert len(points) == min(n, len(all_points))
+    assert (np.diff(points.keypoints.score) <= 0).all()
+    np.testing.assert_array_equal(points.keypoints.xy, all_points.keypoints.xy[:n])
+    np.testing.assert_array_equal(points.level, all_points.level[:n])
+    np.testing.assert_allclose(points.keypoints.scale, net.scale_factor**points.level, rtol=1e-6)
+    for array in (points.keypoints.xy, points.keypoints.score, points.keypoints.scale):
+        assert array.dtype == np.float32
+
+
+def test_a_blob_is_found_in_the_level_that_shrinks_it_to_the_filter():
+    rows, columns = np.mgrid[0:96, 0:130]
+    x, y = 70.4, 41.7
+    found = []
+    for sigma in (1.5, 3.0, 6.0):
+        image = 40 + 200 * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / (2 * sigma**2))
+        best = PointSelector(5).select(blob_network(7), image_tensor(image.astype(np.uint8)), 1)
+        np.testing.assert_allclose(best.keypoints.xy[0], [x, y], atol=0.35)
+        found.append(float(best.keypoints.scale[0]))
+    assert found[0] < found[1] < found[2]
+    assert found[2] / found[1] == pytest.approx(2, rel=0.5)
+
+
+@pytest.mark.parametrize("scales", [1, 3])
+@pytest.mark.parametrize("gradient", ["patches", "dense"])
+def test_logits_and_gradients_at_the_points(scales, gradient):
+    net = network(scales)
+    points = PointSelector(5).select(net, IMAGE, 60)
+    assert {int(level) for level in points.level} == set(range(scales))
+    logits = logits_at(net, IMAGE, points, gradient)
+    np.testing.assert_allclose(torch.sigmoid(logits).detach().numpy(), points.keypoints.score, rtol=1e-4)
+    other = logits_at(net, IMAGE, points, "dense" if gradient == "patches" else "patches")
+    weights = torch.linspace(1, 2, len(points))
+    mine, twin = (
+        torch.cat([g.flatten() for g in torch.autograd.grad((values * weights).sum(), list(net.parameters()))])
+        for values in (logits, other)
+    )
+    assert float((mine - twin).norm() / twin.norm()) < 1e-5
+
+
+def test_no_points_no_logits():
+    net = network()
+    points = PointSelector().select(net, IMAGE, 0)
+    assert logits_at(net, IMAGE, points, "patches").shape == (0,)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (7, 1)])
+@pytest.mark.parametrize("scales", [1, 5])
+def test_tiny_images(size, scales):
+    points = PointSelector().select(network(scales), image_tensor(np.full(size, 9, np.uint8)), 10)
+    assert len(points) >= 1
+    assert np.isfinite(points.keypoints.xy).all()
+
+
+def test_broken_weights_are_told_to_the_user():
+    net = network()
+    with torch.no_grad():
+        net.layers[1].weight[0, 0, 1, 1] = torch.nan
+    with pytest.raises(BadInputError, match="not finite: its weights are broken"):
+        PointSelector().select(net, IMAGE, 10)
+
+
+def test_a_negative_radius_is_refused():
+    with pytest.raises(ValueError, match="nms_radius is -1"):
+        PointSelector(nms_radius=-1)
+
+
+def test_image_tensor_keeps_grey_values_of_any_view():
+    image = np.arange(12, dtype=np.uint8).reshape(3, 4)[:, ::-1]
+    np.testing.assert_array_equal(image_tensor(image)[0, 0].numpy(), image.astype(np.float32))
