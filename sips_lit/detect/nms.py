@@ -10,8 +10,9 @@ from torch import Tensor
 def local_maxima(scores: Tensor, radius: int) -> tuple[Tensor, Tensor]:
     """Rows and columns, each (N,) int64, of the local maxima of a score map (H, W), best first.
 
-    A pixel is kept if no pixel within Chebyshev distance ``radius`` scores higher, nor equal and earlier in raster order.
-    So no two kept pixels are closer than or equal to ``radius``, and equal scores give the same points on every machine.
+    A pixel is a maximum if no pixel within Chebyshev distance ``radius`` scores higher, and is kept if no equal maximum
+    within that distance comes earlier in raster order. So no two kept pixels are closer than or equal to ``radius``, and
+    equal scores give the same points on every machine.
     Kept pixels are ordered by score, then row, then column. Pixels that are NaN or -inf are never kept.
     """
     candidates = (scores == _window_max(scores, radius)) & (scores > -torch.inf)
