@@ -1,0 +1,111 @@
+"""sips-detect: the points of an image, a folder of images, or a video."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+import torch
+from omegaconf import DictConfig
+
+from sips_lit.cli.app import run
+from sips_lit.cli.options import typed
+from sips_lit.detect.batch import DetectionSummary, detect_stream
+from sips_lit.detect.budget import Budget
+from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.detector import SipsDetector
+from sips_lit.detect.selection import PointSelector
+from sips_lit.detect.streams import FrameStream, open_stream
+from sips_lit.detect.writers import Format, PointWriter, open_writer
+from sips_lit.errors import BadInputError
+
+
+@dataclass
+class DetectOptions:
+    """The types of ``conf/detect.yaml``, which documents the keys."""
+
+    checkpoint: str
+    input: str
+    output: str
+    format: Any
+    n: int
+    threshold: float | None
+    k: int | None
+    confidence: float
+    n_max: int
+    nms_radius: int | None
+    subpixel: bool
+    device: str
+
+
+def detect(config: DictConfig) -> None:
+    """Detects in every frame; prints what was written and where, also when a frame cannot be read."""
+    options = typed(config, DetectOptions)
+    kinds = formats(options.format)
+    budget = Budget(options.n, options.threshold, options.k, options.confidence, options.n_max)
+    detector = make_detector(options)
+    stream = open_stream(Path(options.input), colour="overlay" in kinds)
+    folder, summary = Path(options.output), DetectionSummary()
+    writers = [open_writer(kind, folder, stream.fps) for kind in kinds]
+    try:
+        detect_stream(detector, stream, budget, writers, summary)
+    finally:
+        if summary.frames:
+            print(report(folder, summary, stream, budget, writers))
+
+
+def make_detector(options: DetectOptions) -> SipsDetector:
+    """The checkpoint's detector, on the device and with the suppression radius that were asked for."""
+    network, selector = load_checkpoint(options.checkpoint)
+    radius = selector.nms_radius if options.nms_radius is None else options.nms_radius
+    if radius < 0:
+        raise BadInputError(f"nms_radius is {radius}: give a number of pixels that is not negative")
+    return SipsDetector(network, PointSelector(radius, options.subpixel), choose_device(options.device))
+
+
+def choose_device(name: str) -> torch.device:
+    """``auto`` is the GPU where there is one. Raises BadInputError for a device that is not there."""
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    if name not in ("cpu", "cuda"):
+        raise BadInputError(f"device is {name}: give auto, cpu or cuda")
+    if name == "cuda" and not torch.cuda.is_available():
+        raise BadInputError("device is cuda, but PyTorch finds no GPU: use device=cpu, or device=auto")
+    return torch.device(name)
+
+
+def formats(given: Any) -> list[Format]:
+    """The output formats, of one name or a list of names. Raises BadInputError for unknown ones."""
+    names = [given] if isinstance(given, str) else given
+    known: tuple[Format, ...] = get_args(Format)
+    if not isinstance(names, list) or not names or any(name not in known for name in names):
+        raise BadInputError(f"format is {given}: give one or several of {', '.join(known)}, like format=[npz,csv]")
+    return [kind for kind in known if kind in names]
+
+
+def report(
+    folder: Path, summary: DetectionSummary, stream: FrameStream, budget: Budget, writers: Sequence[PointWriter]
+) -> str:
+    """What was done, in a few lines."""
+    count = "1 frame" if summary.frames == 1 else f"{summary.frames} frames"
+    if stream.total is not None and stream.total != summary.frames:
+        count += f" (of {stream.total} announced)"
+    mean = summary.points / max(1, summary.frames)
+    lines = [f"{count}, {mean:.1f} points a frame on average ({budget})"]
+    if summary.short:
+        lines.append(
+            f"{summary.short} of them have too few good points for {budget.k} inliers with probability "
+            f"{budget.confidence:g}: all their points, at most {budget.n_max}, were kept"
+        )
+    return "\n".join([*lines, f"wrote to {folder}: {', '.join(writer.written for writer in writers)}"])
+
+
+def main() -> None:
+    """Entry point."""
+    run("detect", detect)
+
+
+if __name__ == "__main__":
+    main()

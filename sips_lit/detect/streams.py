@@ -1,0 +1,124 @@
+"""The frames of an image, a folder or a video, one after the other and never all in memory."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.errors import BadInputError
+from sips_lit.frames.images import IMAGE_SUFFIXES, list_images, read_grey
+from sips_lit.types import GreyImage
+
+DEFAULT_FPS: Final = 25.0
+"""Frames a second of a video that does not say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One image: ``name`` is what its output files are called, ``grey`` (H, W) is what detectors see.
+
+    ``picture`` is what people see: RGB (H, W, 3), or the grey image where nobody asked for colour.
+    """
+
+    name: str
+    grey: GreyImage
+    picture: NDArray[np.uint8]
+
+
+class FrameStream(ABC):
+    """Iterates over frames. ``total`` is how many there should be, None if unknown; ``fps`` is None for images."""
+
+    total: int | None
+    fps: float | None
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[Frame]: ...
+
+
+def open_stream(path: Path, colour: bool) -> FrameStream:
+    """The frames of an image, of the images in a folder, or of a video; ``colour`` asks for RGB pictures of them.
+
+    Raises BadInputError when there is nothing to read there.
+    """
+    if path.is_dir():
+        images = list_images(path)
+        if not images:
+            raise BadInputError(f"the folder {path} holds no images: give a folder of images, one image, or a video")
+        return ImageStream(images, colour)
+    if not path.is_file():
+        raise BadInputError(f"there is no {path}: give an image, a folder of images, or a video")
+    return ImageStream([path], colour) if path.suffix.lower() in IMAGE_SUFFIXES else VideoStream(path)
+
+
+class ImageStream(FrameStream):
+    """Image files, named by their stems. Sizes may differ.
+
+    Raises BadInputError when two stems are equal, and, while iterating, at the first file that cannot be read.
+    """
+
+    def __init__(self, paths: Sequence[Path], colour: bool) -> None:
+        stem, count = Counter(path.stem for path in paths).most_common(1)[0]
+        if count > 1:
+            same = ", ".join(path.name for path in paths if path.stem == stem)
+            raise BadInputError(
+                f"{same} in {paths[0].parent} would give output files of the same name: rename or move one"
+            )
+        self.paths, self.colour = paths, colour
+        self.total, self.fps = len(paths), None
+
+    def __iter__(self) -> Iterator[Frame]:
+        for path in self.paths:
+            grey = read_grey(path)  # also finds damaged files
+            yield Frame(path.stem, grey, _read_colour(path) if self.colour else grey)
+
+
+def _read_colour(path: Path) -> NDArray[np.uint8]:
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise BadInputError(f"{path} cannot be read in colour: leave out the overlay (format=[npz,csv])")
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+class VideoStream(FrameStream):
+    """Decodes a video frame by frame; frame i is named ``<stem>_<i, six digits>``.
+
+    ``fps`` is `DEFAULT_FPS` if the video does not say. Raises BadInputError when it cannot be decoded.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        capture = self._open()
+        fps, total = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        capture.release()
+        self.fps = fps if np.isfinite(fps) and fps > 0 else DEFAULT_FPS
+        self.total = int(total) if np.isfinite(total) and total > 0 else None
+
+    def __iter__(self) -> Iterator[Frame]:
+        capture = self._open()
+        try:
+            index = 0
+            while (read := capture.read())[0]:
+                picture = np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2RGB), np.uint8)
+                grey = np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2GRAY), np.uint8)
+                yield Frame(f"{self.path.stem}_{index:06d}", grey, picture)
+                index += 1
+        finally:
+            capture.release()
+        if index == 0:
+            raise BadInputError(f"no frame of {self.path} can be decoded: check the file, or convert it to mp4 or png")
+
+    def _open(self) -> cv2.VideoCapture:
+        capture = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
+        if not capture.isOpened():
+            raise BadInputError(
+                f"{self.path} is neither an image nor a video that can be decoded: check the file, or convert it to mp4"
+            )
+        return capture

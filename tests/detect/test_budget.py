@@ -1,0 +1,116 @@
+"""The budget of points against enumeration of all outcomes and the binomial distribution."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sips_lit.detect.budget import Budget, above_threshold, enough_inliers, smallest_budget
+from sips_lit.errors import BadInputError
+from sips_lit.types import Keypoints
+
+
+def keypoints_of(scores: list[float]) -> Keypoints:
+    count = len(scores)
+    xy = np.stack([np.arange(count), np.arange(count)], 1).astype(np.float32)
+    return Keypoints(xy, np.array(scores, np.float32), np.ones(count, np.float32))
+
+
+def by_enumeration(probability: list[float], k: int) -> float:
+    """P(at least k) by adding up the probabilities of all 2^N outcomes."""
+    total = 0.0
+    for outcome in itertools.product([0, 1], repeat=len(probability)):
+        if sum(outcome) >= k:
+            total += math.prod(p if hit else 1 - p for p, hit in zip(probability, outcome, strict=True))
+    return total
+
+
+@given(st.lists(st.floats(0, 1), max_size=8), st.integers(0, 9))
+@settings(max_examples=40, deadline=None)
+def test_probability_of_enough_inliers_is_that_of_all_outcomes(probability: list[float], k: int) -> None:
+    expected = [by_enumeration(probability[:n], k) for n in range(len(probability) + 1)]
+    np.testing.assert_allclose(enough_inliers(np.array(probability), k), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("p", "k"), [(0.5, 10), (0.9, 30), (0.02, 3)])
+def test_equal_points_are_binomial(p: float, k: int) -> None:
+    n = 120
+    tail = math.fsum(math.comb(n, j) * p**j * (1 - p) ** (n - j) for j in range(k, n + 1))
+    assert enough_inliers(np.full(n, p), k)[-1] == pytest.approx(tail, rel=1e-10)
+
+
+def test_tiny_probabilities_do_not_cancel() -> None:
+    assert enough_inliers(np.full(4, 1e-6), 4)[-1] == pytest.approx(1e-24, rel=1e-10)
+
+
+@given(st.lists(st.floats(0, 1), max_size=12), st.integers(1, 5), st.floats(0.05, 0.99))
+@settings(max_examples=40, deadline=None)
+def test_smallest_budget_is_enough_and_one_less_is_not(probability: list[float], k: int, confidence: float) -> None:
+    points = sorted(probability, reverse=True)
+    tail = enough_inliers(np.array(points), k)
+    n = smallest_budget(np.array(points), k, confidence)
+    if n is None:
+        assert tail[-1] < confidence
+    else:
+        assert tail[n] >= confidence > tail[n - 1]
+
+
+def test_certain_points_need_exactly_k() -> None:
+    assert smallest_budget(np.ones(20), 10, 0.999) == 10
+    assert smallest_budget(np.ones(9), 10, 0.5) is None
+    assert smallest_budget(np.zeros(0), 1, 0.5) is None
+
+
+def test_fixed_budget_cuts_and_never_misses() -> None:
+    points = keypoints_of([0.9, 0.5, 0.1])
+    for n, left in [(0, 0), (2, 2), (3, 3), (1000, 3)]:
+        kept, enough = Budget(n).keep(points)
+        assert (len(kept), enough) == (left, True)
+        np.testing.assert_array_equal(kept.xy, points.xy[:left])
+
+
+def test_threshold_keeps_equal_scores_and_combines_with_the_others() -> None:
+    points = keypoints_of([0.9, 0.7, 0.7, 0.3])
+    assert len(above_threshold(points, 0.7)) == 3
+    assert len(above_threshold(points, 0.95)) == 0
+    assert len(Budget(n=2, threshold=0.7).keep(points)[0]) == 2
+    assert len(Budget(n=50, threshold=0.7).keep(points)[0]) == 3
+    kept, enough = Budget(threshold=0.7, k=3, confidence=0.5).keep(points)  # 0.9 * 0.7 * 0.7 = 0.44
+    assert (len(kept), enough) == (3, False)
+    kept, enough = Budget(k=3, confidence=0.5).keep(points)
+    assert (len(kept), enough) == (4, True)
+
+
+def test_inliers_out_of_reach_keep_every_point_up_to_n_max_and_say_so() -> None:
+    points = keypoints_of([0.5] * 30)
+    kept, enough = Budget(n=5, k=25, n_max=20).keep(points)
+    assert (len(kept), enough) == (20, False)
+    kept, enough = Budget(n=5, k=2, confidence=0.9, n_max=20).keep(points)
+    assert (len(kept), enough) == (7, True)  # 1 - 8 / 128 = 0.9375, while 6 points give 0.891
+
+
+def test_no_points_at_all() -> None:
+    kept, enough = Budget().keep(Keypoints.empty())
+    assert (len(kept), enough) == (0, True)
+    assert Budget(k=1).keep(Keypoints.empty())[1] is False
+
+
+@pytest.mark.parametrize(
+    ("arguments", "key"),
+    [
+        ({"n": -1}, "n is -1"),
+        ({"threshold": 1.5}, "threshold is 1.5"),
+        ({"threshold": float("nan")}, "threshold is nan"),
+        ({"k": 0}, "k is 0"),
+        ({"k": 3, "confidence": 1.0}, "confidence is 1"),
+        ({"k": 3, "n_max": 0}, "n_max is 0"),
+    ],
+)
+def test_values_out_of_range_are_named(arguments: dict[str, float], key: str) -> None:
+    with pytest.raises(BadInputError, match=key):
+        Budget(**arguments)  # type: ignore[arg-type]  # wrong on purpose
