@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -69,7 +68,8 @@ class OverlapIndex:
     def reach(self, overlap: float) -> NDArray[np.int64]:
         """For each frame (N,) how many frames further the last one is that still has at least this overlap."""
         row_of = np.repeat(np.arange(len(self)), np.diff(self.offsets))
-        enough = self.survivors >= np.maximum(overlap * self.points[row_of], 1e-9)
+        # the quotient as in `overlap`: a product of the target would miss some that are reached exactly
+        enough = self.survivors / np.maximum(1, self.points[row_of]) >= max(overlap, 1e-9)
         return np.bincount(row_of, weights=enough, minlength=len(self)).astype(np.int64)
 
 
@@ -189,5 +189,5 @@ def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:
             if json.loads(str(stored["signature"])) != json.loads(json.dumps(signature)):
                 return None
             return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"])
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+    except Exception:  # a damaged zip file can raise almost anything, and an index can always be measured again
         return None
