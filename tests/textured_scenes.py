@@ -15,7 +15,7 @@ def texture(height: int, width: int, seed: int = 0) -> GreyImage:
     total = np.zeros((height, width))
     for sigma in (1.5, 3, 6, 12):
         layer = cv2.GaussianBlur(generator.standard_normal((height, width)), (0, 0), sigma)
-        total += layer / layer.std()
+        total += layer / max(layer.std(), 1e-9)
     return np.clip(127 + 30 * total, 0, 255).astype(np.uint8)
 
 

@@ -1,0 +1,110 @@
+import cv2
+import numpy as np
+import pytest
+from textured_scenes import flight, texture
+
+from sips_lit.geometry.homography import apply_homography
+from sips_lit.tracking.klt import KltTracker
+
+
+def grid(width: int = 160, height: int = 120, border: int = 30, step: int = 10) -> np.ndarray:
+    x, y = np.meshgrid(np.arange(border, width - border, step), np.arange(border, height - border, step))
+    return np.stack([x.ravel(), y.ravel()], 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("zoom", [1.0, 1.01])
+def test_follows_a_known_motion_through_many_frames(zoom):
+    scene = flight(10, zoom=zoom)
+    xy = grid()
+    ends, survived = KltTracker().track(scene.frames, xy)
+    truth = apply_homography(scene.homography(0, 9), xy)
+    assert survived.mean() > 0.8
+    error = np.linalg.norm(ends - truth, axis=1)[survived]
+    assert np.median(error) < 0.15
+    assert error.max() < 0.6
+    assert np.linalg.norm(ends - xy, axis=1)[survived].min() > 5  # the motion is large against the tolerance
+
+
+def test_a_step_is_that_of_the_homography(short_flight):
+    xy = grid(border=20)
+    places, held = KltTracker().step(short_flight.frames[0], short_flight.frames[1], xy)
+    assert held.all()
+    np.testing.assert_allclose(places, apply_homography(short_flight.homography(0, 1), xy), atol=0.3)
+
+
+def test_lost_points_are_nan_and_others_keep_their_place_in_the_list(short_flight):
+    xy = np.array([[2, 60], [80, 60], [158, 118], [100, 40]], np.float32)  # the first and third leave at once
+    ends, survived = KltTracker().track(short_flight.frames, xy)
+    assert survived.tolist() == [False, True, False, True]
+    assert np.isnan(ends[~survived]).all()
+    np.testing.assert_allclose(ends[survived], apply_homography(short_flight.homography(0, 11), xy[survived]), atol=0.6)
+
+
+def test_what_is_covered_is_lost():
+    image = texture(120, 160)
+    covered = image.copy()
+    covered[40:80, 60:110] = texture(40, 50, seed=9)
+    xy = np.array([[85, 60], [30, 60], [130, 100]], np.float32)
+    _, held = KltTracker().step(image, covered, xy)
+    assert held.tolist() == [False, True, True]
+
+
+def test_going_back_must_return():
+    # a jump far beyond the reach of the window: tracks end anywhere
+    image, moved = texture(120, 160), np.roll(texture(120, 160), 60, axis=1)
+    xy = grid()
+    forth, held = KltTracker(max_roundtrip=0.5).step(image, moved, xy)
+    back, _ = KltTracker(max_roundtrip=1e6, margin=-1e6).step(moved, image, forth)
+    distance = np.linalg.norm(back - xy, axis=1)
+    assert (distance[held] <= 0.5 + 1e-3).all()
+    assert held.mean() < 0.2
+    looser = KltTracker(max_roundtrip=20.0).step(image, moved, xy)[1]
+    assert held.sum() < looser.sum()
+
+
+def test_flat_images_hold_no_track():
+    flat = np.full((60, 80), 128, np.uint8)
+    _, held = KltTracker().step(flat, texture(60, 80), grid(80, 60, 10))
+    assert not held.any()
+
+
+@pytest.mark.parametrize("margin", [0.0, 4.0, 15.0])
+def test_the_margin_is_kept(margin):
+    image = texture(100, 120)
+    x, y = np.meshgrid(np.arange(120), np.arange(100))
+    xy = np.stack([x.ravel(), y.ravel()], 1)[::3].astype(np.float32)
+    places, held = KltTracker(margin=margin).step(image, image, xy)
+    inside = ((xy >= margin) & (xy <= np.array([119, 99]) - margin)).all(1)
+    near_edge = (np.abs(xy - margin) < 0.1).any(1) | (np.abs(xy - (np.array([119, 99]) - margin)) < 0.1).any(1)
+    np.testing.assert_array_equal(held[~near_edge], inside[~near_edge])
+    np.testing.assert_allclose(places[held], xy[held], atol=0.05)
+
+
+def test_no_points(short_flight):
+    none = np.zeros((0, 2), np.float32)
+    places, held = KltTracker().step(short_flight.frames[0], short_flight.frames[1], none)
+    assert places.shape == (0, 2)
+    assert held.shape == (0,)
+    ends, survived = KltTracker().track(short_flight.frames, none)
+    assert ends.shape == (0, 2)
+    assert survived.shape == (0,)
+
+
+def test_one_frame_is_no_step():
+    xy = np.array([[5, 6], [500, 500]], np.float32)
+    ends, survived = KltTracker().track([texture(50, 50)], xy)
+    np.testing.assert_array_equal(ends, xy)
+    assert survived.all()
+
+
+def test_accepts_points_of_any_memory_layout(short_flight):
+    xy = grid()
+    expected = KltTracker().track(short_flight.frames[:3], xy)
+    other = KltTracker().track(short_flight.frames[:3], np.asfortranarray(xy))
+    np.testing.assert_array_equal(expected[0], other[0])
+
+
+def test_parameters_name_everything_a_track_depends_on():
+    names = {"window": 21, "max_level": 3, "max_roundtrip": 1.0, "margin": 4.0, "opencv": cv2.__version__}
+    assert dict(KltTracker().parameters) == names
+    assert KltTracker(window=15).parameters["window"] == 15

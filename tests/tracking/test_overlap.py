@@ -1,0 +1,157 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from textured_scenes import ArraySequence, flight, texture
+
+from sips_lit.tracking.klt import KltTracker
+from sips_lit.tracking.overlap import OverlapIndex, OverlapParameters, _replenish, measure_overlap
+
+
+def slow_overlap(sequence: ArraySequence, parameters: OverlapParameters) -> tuple[list[list[int]], list[int]]:
+    """Survivors of each frame in each later frame, by the set of its own tracks; and the points of each frame."""
+    places: dict[int, np.ndarray] = {}  # of the tracks that are alive, by number
+    members: list[set[int]] = []  # the tracks that each frame sees
+    rows: list[list[int]] = []
+    points: list[int] = []
+    born = 0
+    for index in range(len(sequence)):
+        if index:
+            numbers = list(places)
+            xy = np.array([places[number] for number in numbers], np.float32).reshape(-1, 2)
+            moved, held = parameters.tracker.step(sequence.frames[index - 1], sequence.frames[index], xy)
+            if held.sum() < parameters.cut_survival * len(held):
+                held = np.zeros(len(held), bool)
+            places = {number: place for number, place, ok in zip(numbers, moved, held, strict=True) if ok}
+        for earlier in range(index):
+            unbroken = len(rows[earlier]) == index - earlier - 1
+            survivors = len(members[earlier] & set(places))
+            if unbroken and survivors and index - earlier <= parameters.max_span:
+                rows[earlier].append(survivors)
+        xy = np.array(list(places.values()), np.float32).reshape(-1, 2)
+        for place in _replenish(sequence.frames[index], xy, parameters.spacing):
+            places[born] = place
+            born += 1
+        members.append(set(places))
+        rows.append([])
+        points.append(len(places))
+    return rows, points
+
+
+def rows_of(index: OverlapIndex) -> list[list[int]]:
+    return [index.survivors[a:b].tolist() for a, b in zip(index.offsets[:-1], index.offsets[1:], strict=True)]
+
+
+SCENES = {
+    "flight": lambda: flight(14),
+    "fast": lambda: flight(12, step=(14, 6), zoom=1.0),
+    "cut": lambda: ArraySequence(flight(6).frames + flight(7, seed=8).frames),
+    "flat": lambda: ArraySequence([np.full((60, 70), 9, np.uint8)] * 4),
+    "flat in between": lambda: ArraySequence([*flight(4).frames, np.full((120, 160), 9, np.uint8), *flight(3).frames]),
+    "one frame": lambda: flight(1),
+    "no frame": lambda: ArraySequence([]),
+}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("max_span", [200, 3, 1])
+def test_as_the_slow_twin(scene, max_span):
+    sequence, parameters = SCENES[scene](), OverlapParameters(max_span=max_span)
+    index = measure_overlap(sequence, parameters)
+    rows, points = slow_overlap(sequence, parameters)
+    assert rows_of(index) == rows
+    assert index.points.tolist() == points
+    assert len(index) == len(sequence)
+    assert all((np.diff(row) <= 0).all() for row in rows)
+    assert max(map(len, rows), default=0) <= max_span
+
+
+def test_tracks_end_and_are_replenished():
+    index = measure_overlap(SCENES["fast"](), OverlapParameters())
+    assert index.points.min() > 30
+    assert index.overlap(0)[0] > 0.6
+    assert len(index.overlap(0)) < 11  # the first view is left before the end
+    assert (index.points.max() - index.points.min()) / index.points.max() < 0.4
+
+
+def test_overlap_is_about_the_area_in_common():
+    sequence = flight(14, step=(8, 0), zoom=1.0)
+    overlap = measure_overlap(sequence, OverlapParameters()).overlap(0)
+    common = 1 - 8 * np.arange(1, 14) / 160
+    np.testing.assert_allclose(overlap, common[: len(overlap)], atol=0.15)
+
+
+def test_a_camera_that_stands_still_sees_everything_again():
+    index = measure_overlap(ArraySequence([texture(120, 160)] * 9), OverlapParameters())
+    for i in range(8):
+        assert len(index.overlap(i)) == 8 - i
+        assert index.overlap(i).min() > 0.95
+    assert index.reach(0.9).tolist() == [8, 7, 6, 5, 4, 3, 2, 1, 0]
+
+
+def test_nothing_reaches_across_a_cut():
+    index = measure_overlap(SCENES["cut"](), OverlapParameters())
+    reach = index.reach(1e-6)
+    assert (np.arange(6) + reach[:6] <= 5).all()
+    assert reach[0] == 5
+    assert reach[6] == 6
+
+
+def test_every_frame_is_read_once_and_told_of():
+    sequence, told = flight(5), []
+    measure_overlap(sequence, OverlapParameters(), lambda: told.append(None))
+    assert sequence.reads == len(told) == 5
+
+
+@given(st.lists(st.lists(st.integers(1, 40), max_size=6), min_size=1, max_size=6), st.floats(0.01, 1.0))
+@settings(max_examples=100, deadline=None)
+def test_reach_counts_the_frames_with_enough_overlap(rows, overlap):
+    rows = [sorted(row, reverse=True) for row in rows]
+    points = np.array([max([*row, 1]) for row in rows])
+    offsets = np.cumsum([0, *map(len, rows)])
+    index = OverlapIndex(np.array(sum(rows, []), np.uint16), offsets, points)
+    for target in (overlap, 0.55, 0.3, 0.1):
+        assert index.reach(target).tolist() == [int((index.overlap(i) >= target).sum()) for i in range(len(rows))]
+
+
+def test_an_overlap_exactly_reached_is_enough():
+    for points in range(1, 200):
+        for survivors in range(1, points + 1):
+            index = OverlapIndex(np.array([survivors], np.uint16), np.array([0, 1]), np.array([points]))
+            assert index.reach(survivors / points).tolist() == [1], (survivors, points)
+
+
+def test_no_overlap_asked_for_is_every_frame_tracked():
+    index = OverlapIndex(np.array([3, 1], np.uint16), np.array([0, 2, 2]), np.array([40, 0]))
+    assert index.reach(0).tolist() == [2, 0]
+
+
+def test_new_points_keep_away_from_the_others_and_from_flat_places():
+    image = texture(96, 128)
+    image[:, 64:] = 77
+    taken = np.array([[10.2, 11.8], [40, 50]], np.float32)
+    fresh = _replenish(image, taken, 16)
+    assert 6 < len(fresh) <= 4 * 6 + 6  # cells of the textured half, and those at its edge
+    assert fresh[:, 0].max() < 68
+    assert np.abs(fresh[:, None] - taken[None]).max(2).min() >= 4
+    for cell in ((0, 0), (3, 2)):
+        assert cell not in {(int(y // 16), int(x // 16)) for x, y in fresh}
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (5, 40), (15, 15)])
+def test_images_smaller_than_a_cell(shape):
+    assert _replenish(texture(*shape), np.zeros((0, 2), np.float32), 16).shape == (0, 2)
+
+
+def test_signature_changes_with_everything_that_matters():
+    sequence, other = flight(3), flight(3, seed=1)
+    base = OverlapParameters().signature(sequence)
+    changed = [
+        OverlapParameters(spacing=17).signature(sequence),
+        OverlapParameters(max_span=9).signature(sequence),
+        OverlapParameters(cut_survival=0.2).signature(sequence),
+        OverlapParameters(tracker=KltTracker(window=11)).signature(sequence),
+        OverlapParameters().signature(other),
+    ]
+    assert OverlapParameters().signature(flight(3)) == base
+    assert all(signature != base for signature in changed)
