@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sips_lit.errors import BadInputError
 from sips_lit.geometry.homography import flip_homography
 from sips_lit.types import FramePair, GreyImage
 
@@ -67,23 +68,26 @@ class Augmentation:
 
 
 def mirror_pair(pair: FramePair, horizontal: bool, vertical: bool) -> FramePair:
-    """The pair as a mirror shows it: all frames and the homography. Poses and depth don't survive a mirror."""
+    """The pair as a mirror shows it: all frames and the homography.
+
+    Raises BadInputError for a pair with poses and depth, which are not mirrored.
+    """
     if not (horizontal or vertical):
         return pair
     if pair.geometry is not None:
-        raise ValueError(
+        raise BadInputError(
             f"{pair.name} has poses and depth, which a mirrored pair can't keep: train it with augment.flip=0"
         )
 
     def mirror(image: GreyImage) -> GreyImage:
         return np.ascontiguousarray(image[:: -1 if vertical else 1, :: -1 if horizontal else 1])
 
-    height, width = pair.image0.shape
+    size0, size1 = ((image.shape[1], image.shape[0]) for image in (pair.image0, pair.image1))
     H = pair.homography
     return replace(
         pair,
         frames=tuple(mirror(frame) for frame in pair.frames),
         image0=mirror(pair.image0),
         image1=mirror(pair.image1),
-        homography=None if H is None else flip_homography(H, (width, height), horizontal, vertical),
+        homography=None if H is None else flip_homography(H, size0, size1, horizontal, vertical),
     )
