@@ -109,7 +109,7 @@ def test_reach_counts_the_frames_with_enough_overlap(rows, overlap):
     rows = [sorted(row, reverse=True) for row in rows]
     points = np.array([max([*row, 1]) for row in rows])
     offsets = np.cumsum([0, *map(len, rows)])
-    index = OverlapIndex(np.array(sum(rows, []), np.uint16), offsets, points)
+    index = OverlapIndex(np.array([survivors for row in rows for survivors in row], np.uint16), offsets, points)
     for target in (overlap, 0.55, 0.3, 0.1):
         assert index.reach(target).tolist() == [int((index.overlap(i) >= target).sum()) for i in range(len(rows))]
 

@@ -1,0 +1,154 @@
+import numpy as np
+import pytest
+from textured_scenes import keypoints
+
+from sips_lit.errors import BadInputError
+from sips_lit.inliers.pose_depth import PoseDepthInliers
+from sips_lit.types import Camera, FramePair, Inliers, Keypoints, Matches, Reason, ViewGeometry
+
+# Two walls that face the camera: a near one (2 m) in front of the left part of a far one (4 m). The camera moves right by
+# 0.2 m with f = 100 px, so the near wall moves left by 10 px in the image and the far one by 5 px.
+NEAR, FAR, F = 2.0, 4.0, 100.0
+EDGE0, EDGE1 = 50, 40  # the near wall ends at this column in image 0 and in image 1
+WIDTH, HEIGHT = 100, 60
+CAMERA = Camera(np.array([[F, 0, 49.5], [0, F, 29.5], [0, 0, 1]]), (WIDTH, HEIGHT))
+INLIER, MISSED, LOST, UNKNOWN = Reason.INLIER, Reason.FAR, Reason.LOST, Reason.UNKNOWN
+
+
+def depth(edge: int) -> np.ndarray:
+    columns = np.arange(WIDTH)
+    return np.where(columns < edge, NEAR, FAR)[None].repeat(HEIGHT, 0).astype(np.float32)
+
+
+def pair_with(depth0: np.ndarray | None, depth1: np.ndarray | None) -> FramePair:
+    T_1_0 = np.eye(4)
+    T_1_0[0, 3] = -0.2
+    image = np.zeros((HEIGHT, WIDTH), np.uint8)
+    geometry = ViewGeometry(T_1_0, CAMERA, CAMERA, depth0, depth1)
+    return FramePair("walls:0-1", 0, 1, (image, image), image, image, geometry=geometry)
+
+
+def judge(pair: FramePair, points0: Keypoints, points1: Keypoints, check: PoseDepthInliers | None = None) -> Inliers:
+    each = np.arange(len(points0))
+    inliers = (check or PoseDepthInliers())(pair, points0, points1, Matches(each, each))
+    np.testing.assert_array_equal(inliers.inlier, inliers.reason == Reason.INLIER)
+    return inliers
+
+
+def reasons(*args: object) -> list[Reason]:
+    return [Reason(r) for r in judge(*args).reason]
+
+
+BOTH = pair_with(depth(EDGE0), depth(EDGE1))
+# (x in image 0, x in image 1, what a match of these is): all at row 20
+CASES = [
+    (30, 20, INLIER),  # near wall
+    (80, 75, INLIER),  # far wall
+    (30, 22.9, INLIER),
+    (30, 23.1, MISSED),
+    (30, 25, MISSED),  # as if the near wall moved like the far one
+    (5, 40, LOST),  # the near wall leaves the image on the left
+    (3, 98, LOST),  # far wall at the right border of image 1 was not seen in image 0
+]
+
+
+@pytest.mark.parametrize(("x0", "x1", "expected"), CASES)
+def test_two_walls(x0, x1, expected):
+    assert reasons(BOTH, keypoints([[x0, 20]]), keypoints([[x1, 20]])) == [expected]
+
+
+@pytest.mark.parametrize(("x0", "x1", "expected"), CASES[:5])
+@pytest.mark.parametrize("lacking", [0, 1])
+def test_one_depth_decides_alone(x0, x1, expected, lacking):
+    pair = pair_with(None if lacking == 0 else depth(EDGE0), None if lacking == 1 else depth(EDGE1))
+    inliers = judge(pair, keypoints([[x0, 20], [50, 50]]), keypoints([[x1, 20], [45, 50]]))
+    assert inliers.reason[0] == expected
+    # a point without a depth of its own is known through its match
+    assert (inliers.known0 if lacking == 0 else inliers.known1).tolist()[0]
+
+
+def test_points_that_the_near_wall_hides_are_lost():
+    # Columns 40 to 45 of the far wall, seen in image 1, are behind the near wall in image 0.
+    hidden = keypoints([[47, 20]]), keypoints([[42, 20]])
+    assert reasons(pair_with(None, depth(EDGE1)), *hidden) == [INLIER]  # nobody knows what hides it in image 0
+    assert reasons(BOTH, *hidden) == [MISSED]  # what is seen in image 0 is the near wall, and it goes elsewhere
+    holes = depth(EDGE0)
+    holes[:, 48] = np.nan  # the way back alone decides where image 0 has no depth at the point itself ...
+    assert reasons(pair_with(holes, depth(EDGE1)), keypoints([[48.4, 20]]), keypoints([[42, 20]])) == [LOST]
+    holes[:, 47] = np.nan  # ... and can't know what hides it where there is none either
+    assert reasons(pair_with(holes, depth(EDGE1)), *hidden) == [INLIER]
+
+
+def test_occlusion_is_relative():
+    front, behind = depth(0), depth(0)
+    front[:] = FAR * 0.97
+    args = keypoints([[60, 20]]), keypoints([[55, 20]])
+    assert reasons(pair_with(behind, front), *args) == [INLIER]
+    assert reasons(pair_with(behind, front), *args, PoseDepthInliers(occlusion=0.01)) == [LOST]
+
+
+def test_unknown_depth():
+    holes0, holes1 = depth(EDGE0), depth(EDGE1)
+    holes0[:, 30], holes0[:, 31], holes1[:, 75] = np.nan, 0, -1
+    points0, points1 = (
+        keypoints([[30, 20], [31, 20], [80, 20], [90, 20]]),
+        keypoints([[20, 20], [21, 20], [75, 20], [75, 20]]),
+    )
+    # with a hole in one image the other decides
+    inliers = judge(pair_with(holes0, holes1), points0, points1)
+    assert inliers.reason.tolist() == [INLIER, INLIER, INLIER, MISSED]
+    assert inliers.known0.all()
+    assert inliers.known1.all()
+    # with holes in both nothing is known
+    inliers = judge(pair_with(holes0, holes1), keypoints([[30, 20], [80, 20]]), keypoints([[75, 20], [75, 20]]))
+    assert inliers.reason.tolist() == [UNKNOWN, INLIER]
+    assert inliers.known0.tolist() == [False, True]
+    assert inliers.known1.tolist() == [False, True]
+
+
+def test_unmatched_points_are_known_by_their_own_depth():
+    holes = depth(EDGE0)
+    holes[:, 30] = np.nan
+    points0, points1 = keypoints([[30, 20], [60, 20]]), keypoints([[10, 10]])
+    none = np.zeros(0, np.int64)
+    inliers = PoseDepthInliers()(pair_with(holes, None), points0, points1, Matches(none, none))
+    assert inliers.known0.tolist() == [False, True]
+    assert inliers.known1.tolist() == [False]
+    assert len(inliers.reason) == 0
+
+
+def test_swapping_the_images_changes_nothing():
+    generator = np.random.default_rng(0)
+    xy0 = generator.uniform([0, 0], [WIDTH - 1, HEIGHT - 1], (300, 2))
+    xy1 = xy0 - np.where(generator.random(300) < 0.5, 5.0, 10.0)[:, None] * [1, 0]
+    swapped = ViewGeometry(np.linalg.inv(BOTH.geometry.T_1_0), CAMERA, CAMERA, depth(EDGE1), depth(EDGE0))
+    turned = FramePair("walls:1-0", 1, 0, BOTH.frames, BOTH.image1, BOTH.image0, geometry=swapped)
+    forth, back = judge(BOTH, keypoints(xy0), keypoints(xy1)), judge(turned, keypoints(xy1), keypoints(xy0))
+    np.testing.assert_array_equal(forth.inlier, back.inlier)
+    assert 50 < forth.inlier.sum() < 250
+
+
+def test_points_that_come_behind_the_camera_are_lost():
+    T_1_0 = np.eye(4)
+    T_1_0[2, 3] = -3  # forward through the near wall
+    image = np.zeros((HEIGHT, WIDTH), np.uint8)
+    geometry = ViewGeometry(T_1_0, CAMERA, CAMERA, depth(EDGE0), None)
+    pair = FramePair("walls:0-1", 0, 1, (image, image), image, image, geometry=geometry)
+    assert reasons(pair, keypoints([[30, 20]]), keypoints([[30, 20]])) == [LOST]
+
+
+def test_no_points():
+    assert reasons(BOTH, Keypoints.empty(), Keypoints.empty()) == []
+
+
+def test_a_pair_without_geometry():
+    image = np.zeros((9, 9), np.uint8)
+    pair = FramePair("clip:3-4", 3, 4, (image, image), image, image)
+    with pytest.raises(BadInputError, match="clip:3-4 has no pose, camera and depth: choose another source"):
+        judge(pair, keypoints([[1, 1]]), keypoints([[1, 1]]))
+
+
+def test_protocol():
+    assert dict(PoseDepthInliers().protocol) == {"inliers": "pose_depth", "threshold": 3.0, "occlusion": 0.05}
+    assert PoseDepthInliers.independent
+    assert not PoseDepthInliers.uses_frames
