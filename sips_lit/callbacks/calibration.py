@@ -8,10 +8,10 @@ import lightning as L
 import torch
 
 from sips_lit.callbacks.tensorboard import writer_of
+from sips_lit.evaluate.evaluation import add_to_calibration
 from sips_lit.evaluate.verification import VerifiedPair
 from sips_lit.metrics.calibration import Calibration
 from sips_lit.render.reliability import draw_reliability
-from sips_lit.train.labelling import point_labels
 
 
 class CalibrationValidation(L.Callback):
@@ -39,15 +39,7 @@ class CalibrationValidation(L.Callback):
     ) -> None:
         """Adds the points of both images of a pair."""
         assert isinstance(outputs, VerifiedPair)
-        matches, inliers = outputs.at(max(len(outputs.features0), len(outputs.features1)))
-        sides = (
-            (outputs.features0, matches.index0, inliers.known0),
-            (outputs.features1, matches.index1, inliers.known1),
-        )
-        for features, point_of_match, known in sides:
-            labels = point_labels(inliers, point_of_match, known)
-            scores = features.keypoints.score[labels.known]
-            self.metric.update(torch.from_numpy(scores), torch.from_numpy(labels.inlier[labels.known]))
+        add_to_calibration(self.metric, outputs, max(len(outputs.features0), len(outputs.features1)))
 
     def on_validation_epoch_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         """Logs the summary."""

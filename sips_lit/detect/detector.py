@@ -101,4 +101,5 @@ def as_grey(image: Any) -> GreyImage:
         raise BadInputError(f"an image must be uint8, uint16 or float in [0, 1], not {array.dtype}")
     if array.ndim == 3:
         array = cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_RGB2GRAY)
-    return np.ascontiguousarray(array, np.uint8)
+    grey: GreyImage = np.ascontiguousarray(array, np.uint8)
+    return grey

@@ -45,7 +45,8 @@ class KltTracker:
         high = np.array([width, height], np.float32) - 1 - self.margin
         returns = ((back - xy) ** 2).sum(1) <= self.max_roundtrip**2
         inside = ((forth >= self.margin) & (forth <= high)).all(1)
-        return forth, returns & inside & (found.ravel() > 0) & (found_back.ravel() > 0)
+        holds: NDArray[np.bool_] = returns & inside & (found.ravel() > 0) & (found_back.ravel() > 0)
+        return np.asarray(forth, np.float32), holds
 
     def track(
         self, frames: Sequence[GreyImage], xy: NDArray[np.float32]

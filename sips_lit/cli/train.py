@@ -1,0 +1,80 @@
+"""sips-train: trains, validates, and compares if asked to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import lightning as L
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from sips_lit.cli.app import run
+from sips_lit.cli.compare import compare
+from sips_lit.errors import BadInputError
+from sips_lit.train.datamodule import PairDataModule
+from sips_lit.train.module import SipsModule
+
+
+def train(config: DictConfig) -> float:
+    """One run. Returns the best validation succinctness AUC, which is what a sweep maximises."""
+    cv2.setNumThreads(1)  # the labelling threads share the cores with the network
+    L.seed_everything(config.seed, workers=True, verbose=False)
+    # at least one validation, however short the run
+    config.trainer.val_check_interval = min(config.trainer.val_check_interval, config.trainer.max_steps)
+    data: PairDataModule = instantiate(config.datamodule)
+    module: SipsModule = instantiate(config.module)
+    callbacks = list(instantiate(config.callbacks).values())
+    trainer: L.Trainer = instantiate(config.trainer, callbacks=callbacks, logger=instantiate(config.logger))
+    print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
+    trainer.fit(module, data, ckpt_path=resume_path(config.ckpt_path, config.paths.run, config.paths.outputs))
+    best, auc = _best(trainer)
+    if trainer.is_global_zero:
+        _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
+        if config.compare is not None:
+            compare(config.compare, best, Path(config.paths.run) / "compare")
+    return auc
+
+
+def resume_path(ckpt_path: str | None, run_folder: str, outputs: str) -> str | None:
+    """Where to go on from: "last" is the last checkpoint of this run folder, else the newest of all runs.
+
+    Raises BadInputError when there is none.
+    """
+    if ckpt_path is None:
+        return None
+    if ckpt_path != "last":
+        if not Path(ckpt_path).is_file():
+            raise BadInputError(f"there is no checkpoint {ckpt_path} to go on from")
+        return ckpt_path
+    own = Path(run_folder) / "checkpoints" / "last.ckpt"
+    found = [own] if own.is_file() else sorted(Path(outputs).rglob("last.ckpt"), key=lambda p: p.stat().st_mtime)
+    if not found:
+        raise BadInputError(
+            f"ckpt_path=last, but there is no last.ckpt in {outputs}: train first, or name a checkpoint"
+        )
+    print(f"going on from {found[-1]}", flush=True)
+    return str(found[-1])
+
+
+def _best(trainer: L.Trainer) -> tuple[Path, float]:
+    checkpoint = trainer.checkpoint_callback
+    score = getattr(checkpoint, "best_model_score", None)
+    if checkpoint is None or score is None:
+        return Path(), float(trainer.callback_metrics.get("val/succinctness_auc", float("nan")))
+    return Path(getattr(checkpoint, "best_model_path", "")), float(score)
+
+
+def _report(trainer: L.Trainer, data: PairDataModule, best: Path, auc: float, folder: Path, outputs: Path) -> None:
+    print(f"\nbest validation AUC {auc:.3f} on {len(data.val_choices)} fixed pairs ({data.validation_digest()})")
+    print(f"checkpoint:  {best}\npictures:    {folder / 'pictures'}")
+    print(f"TensorBoard: tensorboard --logdir {outputs}")
+
+
+def main() -> None:
+    """Entry point."""
+    run("train", train)
+
+
+if __name__ == "__main__":
+    main()

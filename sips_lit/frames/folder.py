@@ -1,0 +1,88 @@
+"""A folder of images as a sequence."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from sips_lit.errors import BadInputError
+from sips_lit.frames.images import list_images, read_grey, resize_max_side
+from sips_lit.types import GreyImage, ImageSequence
+
+
+class FolderSequence(ImageSequence):
+    """The images of one folder in the order of their names, all of one size."""
+
+    def __init__(
+        self, folder: Path, files: Sequence[Path], max_side: int | None = None, name: str | None = None
+    ) -> None:
+        self.folder, self.files, self.max_side = folder, list(files), max_side
+        self.name = safe_name(name or folder.resolve().name)
+        stats = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in self.files]
+        self.fingerprint = hashlib.sha256(repr((stats, max_side)).encode()).hexdigest()[:16]
+        self._size: tuple[int, ...] | None = None
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def frame(self, index: int) -> GreyImage:
+        """Frame ``index``. Raises BadInputError when it can't be read or is not of the size of the first frame."""
+        image = read_grey(self.files[index])
+        if self._size is None:
+            self._size = image.shape if index == 0 else read_grey(self.files[0]).shape
+        if image.shape != self._size:
+            raise BadInputError(
+                f"{self.files[index]} is {image.shape[1]}x{image.shape[0]}, but {self.files[0].name} is "
+                f"{self._size[1]}x{self._size[0]}: the images of a sequence must have one size; put others in another folder"
+            )
+        return resize_max_side(image, self.max_side)
+
+    def frame_name(self, index: int) -> str:
+        """The file's name without its suffix."""
+        return self.files[index].stem
+
+
+def folder(path: str | Path | Sequence[str | Path], max_side: int | None = None) -> list[ImageSequence]:
+    """Sequences of a folder of images, of a folder of such folders, or of a list of folders.
+
+    ``max_side``: shrink images whose longer side exceeds it (pixels). Raises BadInputError when a folder is missing, or has
+    fewer than two images.
+    """
+    if not isinstance(path, str | Path):
+        parts = [sequence for part in path for sequence in folder(part, max_side)]
+        return _with_unique_names(parts)
+    root = Path(path)
+    if not root.is_dir():
+        raise BadInputError(f"there is no folder {root}: data.path must be a folder of images")
+    files = list_images(root)
+    if files:
+        return [_sequence(root, files, max_side, root.resolve().name)]
+    subfolders = [(sub, list_images(sub)) for sub in sorted(p for p in root.iterdir() if p.is_dir())]
+    sequences = [_sequence(sub, own, max_side, f"{root.resolve().name}_{sub.name}") for sub, own in subfolders if own]
+    if not sequences:
+        raise BadInputError(f"the folder {root} has no images (.png, .jpg, ...), nor have its subfolders")
+    return _with_unique_names(sequences)
+
+
+def safe_name(name: str) -> str:
+    """The name with everything but letters, digits, dots, minus and underscore replaced."""
+    return re.sub(r"[^\w.-]+", "_", name) or "sequence"
+
+
+def _sequence(folder: Path, files: list[Path], max_side: int | None, name: str) -> ImageSequence:
+    if len(files) < 2:
+        raise BadInputError(
+            f"the folder {folder} has one image only: a sequence needs two or more of one moving camera"
+        )
+    return FolderSequence(folder, files, max_side, name)
+
+
+def _with_unique_names(sequences: list[ImageSequence]) -> list[ImageSequence]:
+    seen: dict[str, int] = {}
+    for sequence in sequences:
+        count = seen[sequence.name] = seen.get(sequence.name, 0) + 1
+        if count > 1:
+            sequence.name = f"{sequence.name}_{count}"
+    return sequences

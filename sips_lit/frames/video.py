@@ -1,0 +1,215 @@
+"""Videos, decoded once into a frame cache; one sequence a shot."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import itertools
+import json
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from sips_lit.errors import BadInputError
+from sips_lit.frames.folder import safe_name
+from sips_lit.frames.images import resize_max_side
+from sips_lit.frames.shots import find_cuts
+from sips_lit.types import GreyImage, ImageSequence
+
+VERSION = 1
+VIDEO_SUFFIXES = frozenset(
+    {".mp4", ".avi", ".mov", ".mkv", ".webm", ".mpg", ".mpeg", ".m4v", ".wmv", ".flv", ".ts", ".ogv"}
+)
+SPARE_BYTES = 200_000_000  # left free on the disk
+
+
+class VideoShot(ImageSequence):
+    """Frames ``start`` to ``stop`` of a frame cache: raw grey bytes of ``shape`` (N, H, W), read as needed."""
+
+    def __init__(
+        self, cache: Path, shape: tuple[int, int, int], start: int, stop: int, name: str, fingerprint: str
+    ) -> None:
+        self.cache, self.shape, self.start, self.stop = cache, shape, start, stop
+        self.name, self.fingerprint = name, f"{fingerprint}[{start}:{stop}]"
+        self._frames: NDArray[np.uint8] | None = None
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    def frame(self, index: int) -> GreyImage:
+        """Frame ``index`` of the shot. Raises BadInputError when the cache is gone."""
+        if not 0 <= index < len(self):
+            raise IndexError(f"frame {index} of {len(self)}")
+        if self._frames is None:
+            self._frames = _open_frames(self.cache, self.shape)
+        return np.array(self._frames[self.start + index])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_frames": None}  # each process maps the file itself
+
+
+def video(
+    path: str | Path | Sequence[str | Path],
+    cache_dir: str | Path,
+    max_side: int | None = 640,
+    max_frames: int = 5000,
+    stride: int = 1,
+) -> list[ImageSequence]:
+    """The shots of a video file, of all videos of a folder or glob, or of a list of these.
+
+    Every ``stride``-th frame is kept, at most ``max_frames`` of each video, shrunk to ``max_side`` pixels. Frames are decoded
+    once into ``cache_dir``; an interrupted decoding goes on where it stopped, a changed video or parameter starts it anew. Shots of fewer than two frames are left out. Raises BadInputError for a missing file, one without frames, and a
+    disk that is too full.
+    """
+    if max_frames < 2 or stride < 1 or (max_side is not None and max_side < 16):
+        raise BadInputError(
+            f"a video needs max_frames >= 2, stride >= 1 and max_side >= 16, not {max_frames}, {stride} and {max_side}"
+        )
+    files = _find_videos(path)
+    shots: list[ImageSequence] = []
+    names: set[str] = set()
+    for file in files:
+        name = safe_name(file.stem)
+        name = name if name not in names else f"{name}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:6]}"
+        names.add(name)
+        shots += _shots(file, name, Path(cache_dir), {"max_side": max_side, "max_frames": max_frames, "stride": stride})
+    if not shots:
+        raise BadInputError(f"{path} has no shot of two frames or more")
+    return shots
+
+
+def _find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:
+    if not isinstance(path, str | Path):
+        return [file for part in path for file in _find_videos(part)]
+    root = Path(path)
+    if root.is_dir():
+        found = sorted(file for file in root.iterdir() if file.suffix.lower() in VIDEO_SUFFIXES)
+    else:
+        found = [root] if root.is_file() else [Path(file) for file in sorted(glob.glob(str(path), recursive=True))]  # noqa: PTH207 - absolute patterns
+    if not found:
+        raise BadInputError(f"there is no video {path}: data.path must be a video file, a folder of videos or a glob")
+    return found
+
+
+def _shots(file: Path, name: str, cache_dir: Path, parameters: dict[str, Any]) -> list[ImageSequence]:
+    stat = file.stat()
+    source = {"version": VERSION, "bytes": stat.st_size, "mtime_ns": stat.st_mtime_ns, **parameters}
+    fingerprint = hashlib.sha256(json.dumps(source, sort_keys=True).encode()).hexdigest()[:16]
+    cache = cache_dir / f"{name}-{fingerprint[:8]}"
+    meta = _read_meta(cache) or _decode(file, cache, parameters)
+    shape, cuts = tuple(meta["shape"]), [0, *meta["cuts"], meta["shape"][0]]
+    spans = [(a, b) for a, b in itertools.pairwise(cuts) if b - a >= 2]
+    return [
+        VideoShot(cache / "frames.u8", shape, a, b, name if len(spans) == 1 else f"{name}_shot{i}", fingerprint)
+        for i, (a, b) in enumerate(spans)
+    ]
+
+
+def _read_meta(cache: Path) -> dict[str, Any] | None:
+    """What a finished cache says of itself; None if it is not finished or not whole."""
+    try:
+        meta: dict[str, Any] = json.loads((cache / "meta.json").read_text())
+        whole = (cache / "frames.u8").stat().st_size == int(np.prod(meta["shape"]))
+        return meta if whole else None
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def _decode(file: Path, cache: Path, parameters: dict[str, Any]) -> dict[str, Any]:
+    """Fills the cache of a video and writes what it is; goes on after the whole frames that are already there."""
+    frames = cache / "frames.u8"
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        shape = _append_frames(file, frames, parameters)
+        cuts = find_cuts(iter(_open_frames(frames, shape)))
+        meta = {"video": file.name, "shape": shape, "cuts": cuts, **parameters}
+        temporary = cache / "meta.json.tmp"
+        temporary.write_text(json.dumps(meta, indent=2) + "\n")
+        os.replace(temporary, cache / "meta.json")  # noqa: PTH105 - atomic, and says so
+    except OSError as error:
+        raise BadInputError(
+            f"cannot write the frames of {file} to {cache}: {error.strerror or error}; what is there is kept, run it again"
+        ) from error
+    return meta
+
+
+def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> tuple[int, int, int]:
+    capture = cv2.VideoCapture(str(file))
+    try:
+        first = _next_frame(capture, 1, parameters["max_side"]) if capture.isOpened() else None
+        if first is None:
+            raise BadInputError(f"{file} has no frames that OpenCV can decode: it is damaged, empty or not a video")
+        height, width = first.shape
+        done = frames.stat().st_size // (height * width) if frames.is_file() else 0
+        reported = int(max(1, capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+        total = min(parameters["max_frames"], -(-reported // parameters["stride"]))
+        _check_space(file, frames.parent, (total - done) * height * width)
+        with (
+            frames.open("ab") as handle,
+            tqdm(total=total, initial=done, desc=f"decoding {file.name}", unit="frame", delay=2) as progress,
+        ):
+            handle.truncate(done * height * width)  # a kill may have left part of a frame
+            for index, image in enumerate(_frames_of(capture, first, parameters, done), start=done):
+                if image.shape != first.shape:
+                    raise BadInputError(f"{file} changes its size at frame {index}: split it there")
+                handle.write(image.tobytes())
+                progress.update()
+                done = index + 1
+    finally:
+        capture.release()
+    if done < 2:
+        raise BadInputError(f"{file} has one frame only: a video of a moving camera is needed")
+    return done, height, width
+
+
+def _frames_of(
+    capture: cv2.VideoCapture, first: GreyImage, parameters: dict[str, Any], done: int
+) -> Iterator[GreyImage]:
+    """The kept frames from number ``done`` on; those before are skipped without decoding them fully."""
+    if done == 0:
+        yield first
+    stride, kept = parameters["stride"], max(1, done)
+    for _ in range((kept - 1) * stride):
+        if not capture.grab():
+            return
+    while kept < parameters["max_frames"]:
+        image = _next_frame(capture, stride, parameters["max_side"])
+        if image is None:
+            return
+        yield image
+        kept += 1
+
+
+def _next_frame(capture: cv2.VideoCapture, stride: int, max_side: int | None) -> GreyImage | None:
+    """The stride-th next frame, or None at the end."""
+    for _ in range(stride):
+        if not capture.grab():
+            return None
+    decoded, image = capture.retrieve()
+    if not decoded or image is None:
+        return None
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return resize_max_side(np.asarray(grey, np.uint8), max_side)
+
+
+def _check_space(file: Path, folder: Path, needed: int) -> None:
+    free = shutil.disk_usage(folder).free
+    if needed + SPARE_BYTES > free:
+        raise BadInputError(
+            f"the frames of {file} need {needed / 1e9:.1f} GB in {folder}, where {free / 1e9:.1f} GB are free: lower "
+            "data.max_frames or data.max_side, raise data.stride, or set paths.frames to another disk"
+        )
+
+
+def _open_frames(path: Path, shape: tuple[int, int, int]) -> NDArray[np.uint8]:
+    try:
+        return np.memmap(path, np.uint8, "r", shape=shape)
+    except (OSError, ValueError) as error:
+        raise BadInputError(f"the frame cache {path} is gone or damaged: run again to decode the video anew") from error

@@ -1,0 +1,1 @@
+"""Pictures for people: points, matches, curves and reliability diagrams."""

@@ -1,0 +1,124 @@
+"""The matches of a pair and how they fared, as in the supplement of the paper (Cieslewski et al., 3DV 2019)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.render.canvas import (
+    Colour,
+    Picture,
+    draw_lines,
+    draw_point,
+    draw_ring,
+    draw_text,
+    probability_colours,
+    text_width,
+    to_picture,
+)
+from sips_lit.render.points import RADIUS
+from sips_lit.types import FloatArray, Inliers, Keypoints, Matches, Reason
+
+# After Okabe and Ito: distinct for colour-blind eyes, too; the green is brightened for grey images.
+COLOURS: Final[dict[Reason, Colour]] = {
+    Reason.INLIER: (0, 205, 140),
+    Reason.UNMATCHED: (86, 180, 233),
+    Reason.LOST: (204, 121, 167),
+    Reason.FAR: (226, 94, 0),
+    Reason.UNKNOWN: (240, 228, 66),
+}
+_GROUND: Final = 24  # grey level around the panels
+_GAP: Final = 6
+
+
+def draw_matches(
+    image0: NDArray[np.uint8],
+    image1: NDArray[np.uint8],
+    keypoints0: Keypoints,
+    keypoints1: Keypoints,
+    matches: Matches,
+    inliers: Inliers,
+    score_map0: FloatArray | None = None,
+    score_map1: FloatArray | None = None,
+) -> Picture:
+    """Both images side by side, beneath them their score maps (probabilities, as large as the image): RGB uint8.
+
+    Each point is a circle as thick as its probability in the colour of its `Reason`; lines join inlier matches. The
+    caption counts. The images may differ in size, and either score map may be missing.
+    """
+    rows: list[tuple[Picture | None, Picture | None]] = [(to_picture(image0), to_picture(image1))]
+    if score_map0 is not None or score_map1 is not None:
+        rows.append((_score_picture(score_map0), _score_picture(score_map1)))
+    left1 = image0.shape[1] + _GAP
+    width = left1 + image1.shape[1]
+    offset1 = np.array([left1, 0], np.float32)
+    reasons0 = _point_reasons(matches.index0, inliers.reason, inliers.known0)
+    reasons1 = _point_reasons(matches.index1, inliers.reason, inliers.known1)
+
+    panels: list[Picture] = []
+    for picture0, picture1 in rows:
+        row = _side_by_side(picture0, picture1, max(image0.shape[0], image1.shape[0]), left1, width)
+        if not panels:
+            ends0 = keypoints0.xy[matches.index0[inliers.inlier]]
+            ends1 = keypoints1.xy[matches.index1[inliers.inlier]] + offset1
+            draw_lines(row, ends0, ends1, COLOURS[Reason.INLIER], opacity=0.6)
+        if picture0 is not None:
+            _draw_side(row[:, : left1 - _GAP], keypoints0, reasons0)
+        if picture1 is not None:
+            _draw_side(row[:, left1:], keypoints1, reasons1)
+        panels += [row, np.full((_GAP, width, 3), _GROUND, np.uint8)]
+    summary = _summary(len(keypoints0), len(keypoints1), len(matches), int(inliers.inlier.sum()))
+    panels.append(_caption(summary, np.concatenate([reasons0, reasons1]), width))
+    return np.concatenate(panels)
+
+
+def _score_picture(score_map: FloatArray | None) -> Picture | None:
+    return None if score_map is None else probability_colours(score_map)
+
+
+def _point_reasons(
+    index: NDArray[np.int64], match_reasons: NDArray[np.uint8], known: NDArray[np.bool_]
+) -> NDArray[np.uint8]:
+    """(N,) `Reason` of each point: its match's, or that it has none, or that the truth about it is not known."""
+    reasons = np.where(known, Reason.UNMATCHED, Reason.UNKNOWN).astype(np.uint8)
+    reasons[index] = match_reasons
+    return reasons
+
+
+def _side_by_side(picture0: Picture | None, picture1: Picture | None, height: int, left1: int, width: int) -> Picture:
+    row: Picture = np.full((height, width, 3), _GROUND, np.uint8)
+    for picture, left in ((picture0, 0), (picture1, left1)):
+        if picture is not None:
+            row[: picture.shape[0], left : left + picture.shape[1]] = picture
+    return row
+
+
+def _draw_side(panel: Picture, keypoints: Keypoints, reasons: NDArray[np.uint8]) -> None:
+    """The points of one image, inliers on top of the others and better points on top of worse ones."""
+    order = np.lexsort((-np.arange(len(keypoints)), reasons == Reason.INLIER))
+    for index in order:
+        radius = RADIUS * float(keypoints.scale[index])
+        draw_point(panel, keypoints.xy[index], radius, float(keypoints.score[index]), COLOURS[Reason(reasons[index])])
+
+
+def _summary(points0: int, points1: int, matches: int, inliers: int) -> str:
+    points = f"{points0}" if points0 == points1 else f"{points0} + {points1}"
+    return f"{points} points, {matches} matches, {inliers} inliers"
+
+
+def _caption(summary: str, reasons: NDArray[np.uint8], width: int) -> Picture:
+    """A line of text and, as far as there is room, which colour means what."""
+    size, margin = 15, 10
+    strip: Picture = np.full((size + 2 * margin, width, 3), _GROUND, np.uint8)
+    baseline = size + margin - 2
+    left = draw_text(strip, summary, margin, baseline, size) + 3 * margin
+    for reason, colour in COLOURS.items():
+        name = reason.name.lower()
+        if not np.any(reasons == reason) or left + text_width(name, size) + 2 * margin > width:
+            continue
+        centre = np.array([left, baseline - size / 3])
+        draw_ring(strip, centre, 4, 3, colour)
+        left = draw_text(strip, name, left + margin, baseline, size, colour) + 2 * margin
+    return strip
