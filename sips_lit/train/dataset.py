@@ -47,7 +47,8 @@ class SourceSampler:
 
     def draw(self, epoch: int, index: int) -> tuple[int, PairChoice]:
         """Position of the source, and the pair."""
-        generator = np.random.default_rng([self.seed, epoch, index, 0])
+        # the last number sets this stream apart from the pair's own; a 0 would not: numpy ignores trailing zeros
+        generator = np.random.default_rng([self.seed, epoch, index, 2])
         at = int(np.searchsorted(self.cumulative_weight, generator.random(), side="right"))
         return at, self.samplers[at].draw(epoch, index)
 
