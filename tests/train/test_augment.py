@@ -1,0 +1,155 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from textured_scenes import flight, keypoints, texture
+
+from sips_lit.errors import BadInputError
+from sips_lit.geometry.homography import apply_homography
+from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.inliers.klt import KltInliers
+from sips_lit.tracking.pairs import read_pair
+from sips_lit.train.augment import Augmentation, mirror_pair
+from sips_lit.types import Camera, FramePair, Matches, ViewGeometry
+
+PAIR = read_pair(flight(6), 0, 5)
+FLIPS = [(True, False), (False, True), (True, True)]
+QUIET = {"contrast": 1.0, "gamma": 1.0, "brightness": 0.0, "noise": 0.0, "blur": 0.0, "shade": 0.0}
+
+
+def mirrored_points(xy: np.ndarray, horizontal: bool, vertical: bool) -> np.ndarray:
+    width, height = PAIR.image0.shape[::-1]
+    x = width - 1 - xy[:, 0] if horizontal else xy[:, 0]
+    y = height - 1 - xy[:, 1] if vertical else xy[:, 1]
+    return np.stack([x, y], 1)
+
+
+@pytest.mark.parametrize(("horizontal", "vertical"), FLIPS)
+def test_mirrors_turn_every_frame_and_the_homography(horizontal, vertical):
+    pair = mirror_pair(PAIR, horizontal, vertical)
+    for before, after in zip(
+        [*PAIR.frames, PAIR.image0, PAIR.image1], [*pair.frames, pair.image0, pair.image1], strict=True
+    ):
+        np.testing.assert_array_equal(after, cv2.flip(before, {(1, 0): 1, (0, 1): 0, (1, 1): -1}[horizontal, vertical]))
+        assert after.flags.c_contiguous
+    warped = cv2.warpPerspective(pair.image0, pair.homography, pair.image1.shape[::-1])
+    inside = warped > 0
+    assert inside.mean() > 0.7
+    difference = np.abs(warped.astype(float) - pair.image1)
+    assert np.median(difference[inside]) <= 4
+    wrong = cv2.warpPerspective(pair.image0, PAIR.homography, pair.image1.shape[::-1]).astype(float)
+    assert np.median(np.abs(wrong - pair.image1)) > 10  # the test can tell
+
+
+@pytest.mark.parametrize(("horizontal", "vertical"), FLIPS)
+@pytest.mark.parametrize("check", [KltInliers(), HomographyInliers()])
+def test_labels_of_mirrored_points_stay(horizontal, vertical, check):
+    generator = np.random.default_rng(0)
+    start = generator.uniform([25, 25], [135, 95], (80, 2))
+    off = np.where(generator.random(80) < 0.5, 1.0, 6.0)  # clearly near and clearly far
+    goal = apply_homography(PAIR.homography, start) + off[:, None] * [0.6, 0.8]
+    matches = Matches(np.arange(80), np.arange(80))
+    before = check(PAIR, keypoints(start), keypoints(goal), matches)
+    turned = [keypoints(mirrored_points(xy, horizontal, vertical)) for xy in (start, goal)]
+    after = check(mirror_pair(PAIR, horizontal, vertical), *turned, matches)
+    assert 20 < before.inlier.sum() < 60
+    assert (before.inlier != after.inlier).sum() <= 1  # OpenCV's pyramids are not quite symmetric
+
+
+def test_images_of_two_sizes():
+    image0, image1 = texture(40, 50), texture(60, 45)
+    H = np.array([[1.2, 0, 3], [0, 0.9, -4], [0, 0, 1]])
+    pair = mirror_pair(FramePair("a:0-1", 0, 1, (image0, image1), image0, image1, H), True, True)
+    x, y = apply_homography(H, np.array([[10.0, 20]]))[0]
+    np.testing.assert_allclose(apply_homography(pair.homography, np.array([[39.0, 19]])), [[44 - x, 59 - y]])
+
+
+def test_no_mirror_is_the_same_pair():
+    assert mirror_pair(PAIR, False, False) is PAIR
+    assert mirror_pair(replace(PAIR, homography=None), True, False).homography is None
+
+
+def test_pairs_with_poses_are_not_mirrored():
+    camera = Camera(np.eye(3), (160, 120))
+    posed = replace(PAIR, geometry=ViewGeometry(np.eye(4), camera, camera, np.ones((120, 160)), None))
+    with pytest.raises(BadInputError, match=r"flight:0-5 has poses and depth.*augment\.flip=0"):
+        mirror_pair(posed, True, False)
+    with pytest.raises(BadInputError):
+        Augmentation(flip=1)(posed, np.random.default_rng(0))
+    assert Augmentation(flip=0)(posed, np.random.default_rng(0)).geometry is posed.geometry
+
+
+def test_light_changes_only_what_the_detector_sees():
+    pair = Augmentation(flip=0, photometric=1)(PAIR, np.random.default_rng(0))
+    assert all(after is before for before, after in zip(PAIR.frames, pair.frames, strict=True))
+    np.testing.assert_array_equal(PAIR.image0, flight(6).frames[0])  # the original is not written to
+    changes = [np.abs(a.astype(float) - b).mean() for a, b in ((pair.image0, PAIR.image0), (pair.image1, PAIR.image1))]
+    assert min(changes) > 1
+    assert abs(changes[0] - changes[1]) > 0.1  # each image in its own way
+    np.testing.assert_array_equal(pair.homography, PAIR.homography)
+
+
+def test_switched_off_it_changes_nothing():
+    pair = Augmentation(flip=0, photometric=0)(PAIR, np.random.default_rng(0))
+    np.testing.assert_array_equal(pair.image0, PAIR.image0)
+    quiet = Augmentation(**QUIET).change_light(PAIR.image0, np.random.default_rng(0))
+    np.testing.assert_array_equal(quiet, PAIR.image0)
+
+
+def test_the_same_generator_state_gives_the_same_pair():
+    augmentation = Augmentation()
+    pairs = [augmentation(PAIR, np.random.default_rng([1, i])) for i in (0, 0, 1)]
+    np.testing.assert_array_equal(pairs[0].image0, pairs[1].image0)
+    np.testing.assert_array_equal(pairs[0].homography, pairs[1].homography)
+    assert (pairs[0].image0 != pairs[2].image0).any()
+
+
+def test_each_mirror_has_its_probability():
+    drawn = [Augmentation(flip=0.25, photometric=0)(PAIR, np.random.default_rng(i)).homography for i in range(300)]
+    for flip, probability in (((True, False), 0.1875), ((False, True), 0.1875), ((True, True), 0.0625)):
+        expected = mirror_pair(PAIR, *flip).homography
+        share = np.mean([np.allclose(H, expected) for H in drawn])
+        assert abs(share - probability) < 4 * np.sqrt(probability * (1 - probability) / 300)
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_nothing_overflows(value):
+    image = np.full((40, 60), value, np.uint8)
+    augmentation = Augmentation(contrast=1.1, gamma=1, brightness=60, noise=2, blur=0, shade=0.2)
+    for seed in range(40):
+        changed = augmentation.change_light(image, np.random.default_rng(seed))
+        assert changed.dtype == np.uint8
+        assert changed.shape == image.shape
+        # a wrap-around would put pixels at the other end of the range
+        assert np.ptp(changed) < 120
+
+
+def test_brighter_places_stay_brighter():
+    ramp = np.repeat(np.arange(256, dtype=np.uint8)[None], 9, 0)
+    augmentation = Augmentation(contrast=3, gamma=3, brightness=100, noise=0, blur=0, shade=0)
+    for seed in range(40):
+        changed = augmentation.change_light(ramp, np.random.default_rng(seed)).astype(int)
+        assert (np.diff(changed, axis=1) >= 0).all()
+
+
+def test_sizes_of_the_changes():
+    image = np.full((80, 90), 128, np.uint8)
+    noisy = [Augmentation(**{**QUIET, "noise": 8.0}).change_light(image, np.random.default_rng(i)) for i in range(60)]
+    deviations = [float(x.std()) for x in noisy]
+    assert max(deviations) < 8.5
+    assert np.mean(deviations) == pytest.approx(4, abs=1)
+    bright = [
+        Augmentation(**{**QUIET, "brightness": 30}).change_light(image, np.random.default_rng(i)) for i in range(60)
+    ]
+    assert max(abs(float(x.mean()) - 128) for x in bright) <= 30.5
+    assert np.std([float(x.mean()) for x in bright]) == pytest.approx(30 / np.sqrt(3), rel=0.3)
+    shaded = [Augmentation(**{**QUIET, "shade": 0.5}).change_light(image, np.random.default_rng(i)) for i in range(60)]
+    assert max(abs(x.astype(float) / 128 - 1).max() for x in shaded) <= 0.51
+    assert max(np.ptp(x) for x in shaded) > 60
+    sharp = np.kron(np.indices((20, 20)).sum(0) % 2 * 200, np.ones((2, 2))).astype(np.uint8)
+    contrasts = [
+        Augmentation(**{**QUIET, "blur": 1.2}).change_light(sharp, np.random.default_rng(i)).std() for i in range(40)
+    ]
+    assert max(contrasts) == sharp.std()
+    assert min(contrasts) < 0.6 * sharp.std()

@@ -1,0 +1,130 @@
+from concurrent.futures import ThreadPoolExecutor
+
+import cv2
+import numpy as np
+import pytest
+from textured_scenes import flight, keypoints
+
+from sips_lit.describe.orb import Orb
+from sips_lit.geometry.homography import apply_homography
+from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.inliers.klt import KltInliers
+from sips_lit.tracking.pairs import read_pair
+from sips_lit.train.labelling import label_pair, point_labels
+from sips_lit.types import Inliers, Keypoints, Matches, Reason
+
+PAIR = read_pair(flight(5), 0, 4)
+
+
+def corners(image: np.ndarray, n: int = 60) -> Keypoints:
+    return keypoints(cv2.goodFeaturesToTrack(image, n, 1e-3, 6))
+
+
+POINTS0, POINTS1 = corners(PAIR.image0), corners(PAIR.image1)
+
+
+class Dependent:
+    """A check that needs all matches at once."""
+
+    independent, uses_frames, protocol = False, False, {"inliers": "all"}
+
+    def __call__(self, pair, keypoints0, keypoints1, matches):
+        self.seen = len(matches)
+        return HomographyInliers()(pair, keypoints0, keypoints1, matches)
+
+
+class HalfKnown:
+    """Knows the points whose index is even, and those that an inlier match shows."""
+
+    independent, uses_frames, protocol = True, False, {"inliers": "half"}
+
+    def __call__(self, pair, keypoints0, keypoints1, matches):
+        answer = HomographyInliers()(pair, keypoints0, keypoints1, matches)
+        known0, known1 = np.arange(len(keypoints0)) % 2 == 0, np.arange(len(keypoints1)) % 2 == 0
+        reason = answer.reason.copy()
+        reason[~answer.inlier & ~known0[matches.index0]] = Reason.UNKNOWN
+        known0[matches.index0[answer.inlier]] = True
+        known1[matches.index1[answer.inlier]] = True
+        return Inliers(answer.inlier, reason, known0, known1)
+
+
+def slow_matches(points0: Keypoints, points1: Keypoints) -> list[tuple[int, int]]:
+    """Mutual nearest neighbours by Hamming distance, one by one."""
+    a, b = (np.unpackbits(Orb().describe(i, p), axis=1) for i, p in ((PAIR.image0, points0), (PAIR.image1, points1)))
+    d = [[int((x != y).sum()) for y in b] for x in a]
+    nearest1 = [min(range(len(b)), key=lambda j, row=row: (row[j], j)) for row in d]
+    nearest0 = [min(range(len(a)), key=lambda i, j=j: (d[i][j], i)) for j in range(len(b))]
+    return [(i, j) for i, j in enumerate(nearest1) if nearest0[j] == i]
+
+
+def test_labels_by_hand():
+    reason0, reason1 = (np.full(len(p), Reason.UNMATCHED) for p in (POINTS0, POINTS1))
+    for i, j in slow_matches(POINTS0, POINTS1):
+        in1 = apply_homography(PAIR.homography, POINTS0.xy[[i]])[0]
+        in0 = apply_homography(np.linalg.inv(PAIR.homography), POINTS1.xy[[j]])[0]
+        near = max(np.linalg.norm(in1 - POINTS1.xy[j]), np.linalg.norm(in0 - POINTS0.xy[i])) <= 3
+        visible = (in1 >= -0.5).all() and (in1 <= [159.5, 119.5]).all()
+        reason0[i] = reason1[j] = Reason.INLIER if near else Reason.FAR if visible else Reason.LOST
+    labels0, labels1 = label_pair(PAIR, POINTS0, POINTS1, Orb(), HomographyInliers())
+    np.testing.assert_array_equal(labels0.reason, reason0)
+    np.testing.assert_array_equal(labels1.reason, reason1)
+    for labels in (labels0, labels1):
+        np.testing.assert_array_equal(labels.inlier, labels.reason == Reason.INLIER)
+        assert labels.known.all()
+        assert labels.inlier.sum() > 20
+        assert (labels.reason == Reason.UNMATCHED).sum() > 0
+
+
+@pytest.mark.parametrize("check", [KltInliers(), HomographyInliers(), HalfKnown()])
+@pytest.mark.parametrize("parts", [2, 3, 500])
+def test_parts_side_by_side_change_nothing(check, parts):
+    whole = label_pair(PAIR, POINTS0, POINTS1, Orb(), check)
+    with ThreadPoolExecutor(3) as pool:
+        split = label_pair(PAIR, POINTS0, POINTS1, Orb(), check, pool.map, parts)
+    for a, b in zip(whole, split, strict=True):
+        for key in ("inlier", "known", "reason"):
+            np.testing.assert_array_equal(getattr(a, key), getattr(b, key))
+
+
+def test_checks_that_need_all_matches_get_them():
+    check = Dependent()
+    label_pair(PAIR, POINTS0, POINTS1, Orb(), check, map, 3)
+    assert check.seen == len(slow_matches(POINTS0, POINTS1))
+
+
+def test_klt_and_the_known_homography_label_alike():
+    klt, true = (label_pair(PAIR, POINTS0, POINTS1, Orb(), check) for check in (KltInliers(), HomographyInliers()))
+    for a, b in zip(klt, true, strict=True):
+        assert (a.inlier == b.inlier).mean() > 0.85
+        assert not (a.inlier & ~b.inlier).any()
+
+
+@pytest.mark.parametrize("empty", [(True, True), (True, False), (False, True)])
+@pytest.mark.parametrize("parts", [1, 3])
+def test_images_without_points(empty, parts):
+    points0, points1 = (Keypoints.empty() if e else p for e, p in zip(empty, (POINTS0, POINTS1), strict=True))
+    labels0, labels1 = label_pair(PAIR, points0, points1, Orb(), KltInliers(), map, parts)
+    assert (len(labels0.inlier), len(labels1.inlier)) == (len(points0), len(points1))
+    for labels in (labels0, labels1):
+        assert (labels.reason == Reason.UNMATCHED).all()
+        assert labels.known.all()
+        assert not labels.inlier.any()
+
+
+def test_point_labels_one_by_one():
+    reasons = np.array([Reason.INLIER, Reason.FAR, Reason.UNKNOWN, Reason.LOST], np.uint8)
+    matches = Matches(np.array([5, 0, 3, 1]), np.array([0, 1, 2, 3]))
+    known = np.array([True, True, False, True, True, False, True])
+    labels = point_labels(Inliers(reasons == 0, reasons, known, known), matches.index0, known)
+    expected = [
+        Reason.FAR,
+        Reason.LOST,
+        Reason.UNKNOWN,
+        Reason.UNKNOWN,
+        Reason.UNMATCHED,
+        Reason.INLIER,
+        Reason.UNMATCHED,
+    ]
+    assert labels.reason.tolist() == expected
+    assert labels.inlier.tolist() == [reason == Reason.INLIER for reason in expected]
+    assert labels.known.tolist() == [reason != Reason.UNKNOWN for reason in expected]

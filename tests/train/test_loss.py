@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sips_lit.train.loss import inlierness_loss
+
+POINTS = st.lists(st.tuples(st.floats(-12, 12), st.booleans(), st.booleans()), max_size=20)
+
+
+@given(POINTS)
+@settings(max_examples=80, deadline=None)
+def test_minus_log_of_the_probability_of_what_is_true(points):
+    expected = 0.0
+    for logit, inlier, known in points:
+        p = 1 / (1 + np.exp(-logit))
+        if known:
+            expected += -np.log(p) if inlier else -np.log(1 - p)
+    logits = torch.tensor([p[0] for p in points], dtype=torch.float64)
+    inlier, known = (torch.tensor([p[i] for p in points], dtype=torch.bool) for i in (1, 2))
+    assert float(inlierness_loss(logits, inlier, known)) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_unknown_points_have_no_gradient():
+    logits = torch.tensor([0.5, -2.0, 3.0], requires_grad=True)
+    inlierness_loss(logits, torch.tensor([True, False, True]), torch.tensor([True, False, False])).backward()
+    assert logits.grad.tolist() == [pytest.approx(1 / (1 + np.exp(-0.5)) - 1), 0, 0]
+
+
+def test_no_points():
+    none = torch.zeros(0, dtype=torch.bool)
+    logits = torch.zeros(0, requires_grad=True)
+    loss = inlierness_loss(logits, none, none)
+    assert loss.item() == 0
+    loss.backward()  # a pair without points is legal in training
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("inlier", [True, False])
+def test_finite_for_any_logit(sign, inlier):
+    logits = torch.tensor([sign * 1e4], requires_grad=True)
+    loss = inlierness_loss(logits, torch.tensor([inlier]), torch.tensor([True]))
+    loss.backward()
+    assert loss.item() == (0 if (sign > 0) == inlier else 1e4)
+    assert torch.isfinite(logits.grad).all()
+
+
+def test_gradient():
+    generator = torch.Generator().manual_seed(0)
+    logits = torch.randn(12, dtype=torch.float64, generator=generator).mul(3).requires_grad_()
+    inlier, known = torch.rand(12, generator=generator) < 0.4, torch.rand(12, generator=generator) < 0.8
+    assert torch.autograd.gradcheck(lambda x: inlierness_loss(x, inlier, known), logits)
