@@ -47,6 +47,11 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
 
 
+def build(node: DictConfig, **extra: Any) -> Any:
+    """What a node of the configuration describes; ``extra`` adds constructor arguments."""
+    return hydra.utils.instantiate(node, _convert_="all", **extra)
+
+
 def register_resolvers() -> None:
     """Makes ``${fast_precision:}`` known to the configuration."""
     OmegaConf.register_new_resolver("fast_precision", fast_precision, replace=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
+from sips_lit.cli.app import build
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.evaluate.evaluation import evaluate
 from sips_lit.evaluate.pictures import write_match_pictures
@@ -18,11 +18,11 @@ def compare(config: DictConfig, checkpoint: Path, folder: Path) -> None:
 
     A detector is ``{detector, descriptor}``, a pair set ``{title, pairs, k}``; results go to ``folder``.
     """
-    contenders = {"sips": (SipsDetector.from_checkpoint(checkpoint), instantiate(config.descriptor))}
+    contenders = {"sips": (SipsDetector.from_checkpoint(checkpoint), build(config.descriptor))}
     for key, entry in config.detectors.items():
-        contenders[str(key)] = (instantiate(entry.detector), instantiate(entry.descriptor))
+        contenders[str(key)] = (build(entry.detector), build(entry.descriptor))
     for name, entry in config.pair_sets.items():
-        pairs = instantiate(entry.pairs)
+        pairs = build(entry.pairs)
         results = {
             key: evaluate(detector, descriptor, pairs, entry.k, entry.n_max)
             for key, (detector, descriptor) in contenders.items()

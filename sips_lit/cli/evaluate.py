@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sips_lit.cli.app import run
+from sips_lit.cli.app import build, run
 from sips_lit.evaluate.evaluation import evaluate
 from sips_lit.evaluate.pairs import draw_pairs
 from sips_lit.evaluate.pictures import write_match_pictures
@@ -18,10 +17,10 @@ from sips_lit.evaluate.results import protocol_line, table, write_results
 def evaluate_one(config: DictConfig) -> float:
     """Evaluates, prints the table, writes results and pictures. Returns the succinctness AUC."""
     cv2.setNumThreads(-1)
-    detector, descriptor = instantiate(config.detector), instantiate(config.descriptor)
+    detector, descriptor = build(config.detector), build(config.descriptor)
     pairs = draw_pairs(
-        instantiate(config.data),
-        instantiate(config.inliers),
+        build(config.data),
+        build(config.inliers),
         config.paths.indexes,
         config.pairs,
         config.overlap,

@@ -5,19 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 from tabulate import tabulate
 
-from sips_lit.cli.app import run
+from sips_lit.cli.app import build, run
 from sips_lit.frames.source import as_sources
 from sips_lit.tracking.build import build_indexes
 
 
 def index(config: DictConfig) -> None:
     """Builds what is missing and prints one line a sequence."""
-    sequences = [sequence for source in as_sources(instantiate(config.data)) for sequence in source.sequences]
-    indexes = build_indexes(sequences, config.paths.indexes, instantiate(config.overlap_parameters), config.workers)
+    sequences = [sequence for source in as_sources(build(config.data)) for sequence in source.sequences]
+    indexes = build_indexes(sequences, config.paths.indexes, build(config.overlap_parameters), config.workers)
     rows = []
     for sequence, overlaps in zip(sequences, indexes, strict=True):
         reach = overlaps.reach(config.overlap)

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import cv2
 import lightning as L
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sips_lit.cli.app import run
+from sips_lit.cli.app import build, run
 from sips_lit.cli.compare import compare
 from sips_lit.errors import BadInputError
 from sips_lit.train.datamodule import PairDataModule
@@ -22,10 +21,10 @@ def train(config: DictConfig) -> float:
     L.seed_everything(config.seed, workers=True, verbose=False)
     # at least one validation, however short the run
     config.trainer.val_check_interval = min(config.trainer.val_check_interval, config.trainer.max_steps)
-    data: PairDataModule = instantiate(config.datamodule)
-    module: SipsModule = instantiate(config.module)
-    callbacks = list(instantiate(config.callbacks).values())
-    trainer: L.Trainer = instantiate(config.trainer, callbacks=callbacks, logger=instantiate(config.logger))
+    data: PairDataModule = build(config.datamodule)
+    module: SipsModule = build(config.module)
+    callbacks = list(build(config.callbacks).values())
+    trainer: L.Trainer = build(config.trainer, callbacks=callbacks, logger=build(config.logger))
     print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
     trainer.fit(module, data, ckpt_path=resume_path(config.ckpt_path, config.paths.run, config.paths.outputs))
     best, auc = _best(trainer)

@@ -64,9 +64,10 @@ def video(
 ) -> list[ImageSequence]:
     """The shots of a video file, of all videos of a folder or glob, or of a list of these.
 
-    Every ``stride``-th frame is kept, at most ``max_frames`` of each video, shrunk to ``max_side`` pixels. Frames are decoded
-    once into ``cache_dir``; an interrupted decoding goes on where it stopped, a changed video or parameter starts it anew. Shots of fewer than two frames are left out. Raises BadInputError for a missing file, one without frames, and a
-    disk that is too full.
+    Every ``stride``-th frame is kept, at most ``max_frames`` of each video, shrunk to ``max_side`` pixels. Frames are
+    decoded once into ``cache_dir``; an interrupted decoding goes on where it stopped, a changed video or parameter starts
+    it anew. Shots of fewer than two frames are left out. Raises BadInputError for a missing file, one without frames, and
+    a disk that is too full.
     """
     if max_frames < 2 or stride < 1 or (max_side is not None and max_side < 16):
         raise BadInputError(

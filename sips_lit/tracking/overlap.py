@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
+from sips_lit.geometry.homography import apply_homography
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import GreyImage, ImageSequence
 
@@ -76,19 +77,42 @@ class OverlapIndex:
 def measure_overlap(
     sequence: ImageSequence, parameters: OverlapParameters, on_frame: Callable[[], object] = lambda: None
 ) -> OverlapIndex:
-    """Index of a sequence in one pass over its frames.
+    """Index of a sequence: by KLT in one pass over its frames, or by geometry where it knows its homographies.
 
     Only two frames are held at a time; what grows with the video is the index itself, by at most 2 ``max_span`` bytes a
     frame.
     """
+    planar = len(sequence) > 1 and sequence.homography(0, 1) is not None
     points = np.zeros(len(sequence), np.int64)
     rows: list[NDArray[np.uint16]] = []
-    for index, point_count, finished in _track_all(sequence, parameters):
+    for index, point_count, finished in (_map_all if planar else _track_all)(sequence, parameters):
         points[index] = point_count
         rows += [np.array(row, np.uint16) for row in finished]
         on_frame()
     offsets = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
     return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points)
+
+
+def _map_all(
+    sequence: ImageSequence, parameters: OverlapParameters
+) -> Iterator[tuple[int, int, list[list[int]]]]:
+    """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view."""
+    height, width = sequence.frame(0).shape
+    spacing = parameters.spacing
+    grid = np.mgrid[spacing // 2 : width : spacing, spacing // 2 : height : spacing].reshape(2, -1).T.astype(np.float64)
+    for index in range(len(sequence)):
+        row: list[int] = []
+        seen = grid
+        for later in range(index + 1, min(len(sequence), index + 1 + parameters.max_span)):
+            H = sequence.homography(index, later)
+            assert H is not None
+            with np.errstate(invalid="ignore"):
+                moved = apply_homography(H, seen)
+                seen = seen[((moved >= 0) & (moved <= [width - 1, height - 1])).all(1)]
+            if not len(seen):
+                break
+            row.append(len(seen))
+        yield index, len(grid), [row]
 
 
 def _track_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator[tuple[int, int, list[list[int]]]]:
