@@ -80,6 +80,28 @@ def test_at_most_n_points_sorted_and_the_same_as_the_first_of_more(scales, n):
         assert array.dtype == np.float32
 
 
+class GivenMaps:
+    """Stands for a network of two scales, 2 apart, whose maps are known."""
+
+    scales, scale_factor = 2, 2.0
+
+    def __init__(self, fine: torch.Tensor, coarse: torch.Tensor) -> None:
+        self.maps = {fine.shape: fine, coarse.shape: coarse}
+
+    def __call__(self, image: torch.Tensor) -> torch.Tensor:
+        return self.maps[image.shape[-2:]][None, None]
+
+
+def test_points_lost_between_levels_are_replaced():
+    fine, coarse = torch.full((40, 40), -9.0), torch.full((20, 20), -99.0)
+    coarse[10, 10] = 9  # at (20.5, 20.5) of the image: it suppresses four points of the finer level
+    for value, row, column in ((8, 18, 18), (7, 18, 23), (6, 23, 18), (5, 23, 23), (4, 5, 5)):
+        fine[row, column] = value
+    points = PointSelector(4, subpixel=False).select(GivenMaps(fine, coarse), torch.zeros(1, 1, 40, 40), 2)
+    assert points.keypoints.xy.tolist() == [[20.5, 20.5], [5, 5]]
+    assert points.keypoints.scale.tolist() == [2, 1]
+
+
 def test_a_blob_is_found_in_the_level_that_shrinks_it_to_the_filter():
     rows, columns = np.mgrid[0:96, 0:130]
     x, y = 70.4, 41.7

@@ -41,7 +41,7 @@ def test_steps_are_cut_to_half_a_pixel():
 def test_no_step_without_a_proper_top():
     dy, dx = np.mgrid[-1:2, -1:2].astype(float)
     saddle, valley, ridge = dx**2 - dy**2 + 0.1 * dx, dx**2 + dy**2 + 0.1 * dx, -(dx**2) + 0.1 * dx
-    for scores in (np.zeros((3, 3)), saddle, valley, ridge):
+    for scores in (np.zeros((3, 3)), saddle, saddle.T, valley, ridge, ridge.T):
         assert offset(scores, 1, 1) == [0, 0]
 
 

@@ -54,6 +54,27 @@ def test_the_threshold_holds_forth_and_back(zoom, off, expected):
     assert judge(read_pair(scene, 8, 0), goal, start) == [expected]
 
 
+class OneWayTracker:
+    """Points stay where they are, but back in time they are lost or go astray."""
+
+    parameters = {}  # noqa: RUF012 - as short as it gets
+
+    def __init__(self, back: float) -> None:
+        self.back = back
+
+    def track(self, frames, xy):
+        ends = xy if frames[0][0, 0] == 0 else xy + np.float32(self.back)
+        return ends, np.isfinite(ends).all(1)
+
+
+@pytest.mark.parametrize(("back", "expected"), [(0, Reason.INLIER), (5, Reason.FAR), (np.nan, Reason.LOST)])
+def test_the_way_back_must_agree_too(back, expected):
+    frames = (np.zeros((40, 40), np.uint8), np.ones((40, 40), np.uint8))
+    pair = FramePair("a:0-1", 0, 1, frames, *frames)
+    check = KltInliers(OneWayTracker(back))
+    assert judge(pair, [[20, 20], [9, 9]], [[21, 21], [30, 30]], check) == [expected, Reason.FAR]
+
+
 def test_what_is_hidden_in_between_is_lost():
     scene = flight(5, step=(1, 0), zoom=1.0)
     frames = list(scene.frames)

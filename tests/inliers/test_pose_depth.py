@@ -79,6 +79,14 @@ def test_points_that_the_near_wall_hides_are_lost():
     assert reasons(pair_with(holes, depth(EDGE1)), *hidden) == [INLIER]
 
 
+def test_where_both_depths_are_known_both_must_agree():
+    front = depth(EDGE1)
+    front[:, 77] = 1  # something thin and close that only image 1 shows
+    args = keypoints([[80, 20]]), keypoints([[77, 20]])
+    assert reasons(BOTH, *args) == [INLIER]
+    assert reasons(pair_with(depth(EDGE0), front), *args) == [MISSED]
+
+
 def test_occlusion_is_relative():
     front, behind = depth(0), depth(0)
     front[:] = FAR * 0.97

@@ -86,6 +86,18 @@ def test_parts_side_by_side_change_nothing(check, parts):
             np.testing.assert_array_equal(getattr(a, key), getattr(b, key))
 
 
+def test_parts_are_checked_apart():
+    sizes = []
+
+    def counting_map(function, *arguments):
+        answers = list(map(function, *arguments))
+        sizes.append(len(answers))
+        return answers
+
+    label_pair(PAIR, POINTS0, POINTS1, Orb(), HomographyInliers(), counting_map, 3)
+    assert sizes == [2, 3]  # two images to describe, three parts of the matches
+
+
 def test_checks_that_need_all_matches_get_them():
     check = Dependent()
     label_pair(PAIR, POINTS0, POINTS1, Orb(), check, map, 3)
