@@ -1,5 +1,6 @@
 """Small images with true geometry, made for the tests: a smooth random texture and a flight over it."""
 
+import functools
 import hashlib
 from collections.abc import Sequence
 
@@ -47,8 +48,12 @@ def flight(
     size: tuple[int, int] = (160, 120),
     seed: int = 0,
     name: str = "flight",
+    known: bool = True,
 ) -> ArraySequence:
-    """A camera that moves by ``step`` pixels and grows by ``zoom`` in every frame over one big texture."""
+    """A camera that moves by ``step`` pixels and zooms by ``zoom`` in every frame over one big texture.
+
+    The sequence tells its homographies only if they are ``known``.
+    """
     width, height = size
     plane = texture(3 * height, 3 * width, seed)
     frames, to_frame = [], []
@@ -59,7 +64,10 @@ def flight(
         A = np.array([[scale, 0, width / 2 - scale * x], [0, scale, height / 2 - scale * y], [0, 0, 1.0]])
         frames.append(cv2.warpPerspective(plane, A, size, flags=cv2.INTER_CUBIC))
         to_frame.append(A)
-    return ArraySequence(frames, name, to_frame)
+    return ArraySequence(frames, name, to_frame if known else None)
+
+
+film = functools.partial(flight, known=False)
 
 
 def keypoints(xy: object, score: object = None, scale: float = 1.0) -> Keypoints:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from textured_scenes import ArraySequence, flight
+from textured_scenes import ArraySequence, film
 
 from sips_lit.errors import BadInputError
 from sips_lit.tracking.build import build_indexes
@@ -17,7 +17,7 @@ class BrokenSequence(ArraySequence):
 
 
 def scenes() -> list[ArraySequence]:
-    return [flight(5, seed=seed, name=f"flight{seed}") for seed in range(3)]
+    return [film(5, seed=seed, name=f"flight{seed}") for seed in range(3)]
 
 
 @pytest.mark.parametrize("workers", [0, 1, 3])
@@ -68,20 +68,20 @@ def test_a_damaged_index_is_measured_anew(tmp_path):
 
 
 def test_an_interrupted_build_keeps_what_it_finished(tmp_path):
-    good, bad, later = flight(5, name="good"), BrokenSequence(flight(6).frames, "bad"), flight(5, seed=2, name="later")
+    good, bad, later = film(5, name="good"), BrokenSequence(film(6).frames, "bad"), film(5, seed=2, name="later")
     with pytest.raises(BadInputError, match="frame 3 cannot be read"):
         build_indexes([good, bad, later], tmp_path, PARAMETERS, workers=1)
     assert load_index(index_path(tmp_path, good), PARAMETERS.signature(good)) is not None
     assert load_index(index_path(tmp_path, bad), PARAMETERS.signature(bad)) is None
     assert not list(tmp_path.glob("*.tmp"))
-    again = flight(5, name="good")
+    again = film(5, name="good")
     build_indexes([again, later], tmp_path, PARAMETERS, workers=1)
     assert again.reads == 0
 
 
 def test_sequences_of_one_name_keep_their_own_index(tmp_path):
     def pair():
-        return [flight(4, name="same"), flight(6, seed=3, name="same")]
+        return [film(4, name="same"), film(6, seed=3, name="same")]
 
     build_indexes(pair(), tmp_path, PARAMETERS)
     again = pair()

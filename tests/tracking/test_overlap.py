@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from textured_scenes import ArraySequence, flight, texture
+from textured_scenes import ArraySequence, film, flight, texture
 
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.tracking.overlap import OverlapIndex, OverlapParameters, _replenish, measure_overlap
@@ -43,12 +43,12 @@ def rows_of(index: OverlapIndex) -> list[list[int]]:
 
 
 SCENES = {
-    "flight": lambda: flight(14),
-    "fast": lambda: flight(12, step=(14, 6), zoom=1.0),
-    "cut": lambda: ArraySequence(flight(6).frames + flight(7, seed=8).frames),
+    "flight": lambda: film(14),
+    "fast": lambda: film(12, step=(14, 6), zoom=1.0),
+    "cut": lambda: ArraySequence(film(6).frames + film(7, seed=8).frames),
     "flat": lambda: ArraySequence([np.full((60, 70), 9, np.uint8)] * 4),
-    "flat in between": lambda: ArraySequence([*flight(4).frames, np.full((120, 160), 9, np.uint8), *flight(3).frames]),
-    "one frame": lambda: flight(1),
+    "flat in between": lambda: ArraySequence([*film(4).frames, np.full((120, 160), 9, np.uint8), *film(3).frames]),
+    "one frame": lambda: film(1),
     "no frame": lambda: ArraySequence([]),
 }
 
@@ -75,7 +75,7 @@ def test_tracks_end_and_are_replenished():
 
 
 def test_overlap_is_about_the_area_in_common():
-    sequence = flight(14, step=(8, 0), zoom=1.0)
+    sequence = film(14, step=(8, 0), zoom=1.0)
     overlap = measure_overlap(sequence, OverlapParameters()).overlap(0)
     common = 1 - 8 * np.arange(1, 14) / 160
     np.testing.assert_allclose(overlap, common[: len(overlap)], atol=0.15)
@@ -89,6 +89,34 @@ def test_a_camera_that_stands_still_sees_everything_again():
     assert index.reach(0.9).tolist() == [8, 7, 6, 5, 4, 3, 2, 1, 0]
 
 
+@pytest.mark.parametrize("max_span", [200, 3])
+@pytest.mark.parametrize("zoom", [0.97, 1.0, 1.05])
+def test_known_homographies_tell_the_overlap(zoom, max_span):
+    sequence = flight(12, step=(11, 4), zoom=zoom)
+    index = measure_overlap(sequence, OverlapParameters(spacing=10, max_span=max_span))
+    for i in range(12):
+        # each point of a grid by itself: how many frames further it is seen without a break
+        reaches = []
+        for x in range(5, 160, 10):
+            for y in range(5, 120, 10):
+                last = i
+                while last + 1 < 12:
+                    u, v, w = sequence.homography(i, last + 1) @ [x, y, 1]
+                    if not (0 <= u / w <= 159 and 0 <= v / w <= 119):
+                        break
+                    last += 1
+                reaches.append(last - i)
+        survivors = [sum(reach >= span for reach in reaches) for span in range(1, 12)]
+        expected = [count for count in survivors if count][:max_span]
+        assert index.points[i] == len(reaches) == 192
+        np.testing.assert_allclose(index.overlap(i) * 192, expected)
+
+
+def test_tracks_and_known_homographies_tell_about_the_same():
+    tracked, known = (measure_overlap(scene(12, step=(6, 2)), OverlapParameters()) for scene in (film, flight))
+    np.testing.assert_allclose(tracked.overlap(0)[:8], known.overlap(0)[:8], atol=0.15)
+
+
 def test_nothing_reaches_across_a_cut():
     index = measure_overlap(SCENES["cut"](), OverlapParameters())
     reach = index.reach(1e-6)
@@ -98,7 +126,7 @@ def test_nothing_reaches_across_a_cut():
 
 
 def test_every_frame_is_read_once_and_told_of():
-    sequence, told = flight(5), []
+    sequence, told = film(5), []
     measure_overlap(sequence, OverlapParameters(), lambda: told.append(None))
     assert sequence.reads == len(told) == 5
 
@@ -144,7 +172,7 @@ def test_images_smaller_than_a_cell(shape):
 
 
 def test_signature_changes_with_everything_that_matters():
-    sequence, other = flight(3), flight(3, seed=1)
+    sequence, other = film(3), film(3, seed=1)
     base = OverlapParameters().signature(sequence)
     changed = [
         OverlapParameters(spacing=17).signature(sequence),
@@ -153,5 +181,5 @@ def test_signature_changes_with_everything_that_matters():
         OverlapParameters(tracker=KltTracker(window=11)).signature(sequence),
         OverlapParameters().signature(other),
     ]
-    assert OverlapParameters().signature(flight(3)) == base
+    assert OverlapParameters().signature(film(3)) == base
     assert all(signature != base for signature in changed)
