@@ -23,7 +23,10 @@ def write_whole(path: Path, content: bytes) -> None:
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        temporary.write_bytes(content)
+        with temporary.open("wb") as handle:
+            handle.write(content)
+            handle.flush()
+            os.fsync(handle.fileno())  # else a crash after the renaming may leave an empty file
         temporary.replace(path)
     except OSError as error:
         temporary.unlink(missing_ok=True)

@@ -18,20 +18,3 @@ def apply_homography(H: FloatArray, xy: FloatArray) -> NDArray[np.float64]:
     in_front = mapped[:, 2:] * np.sign(np.linalg.det(H)) > 0
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(in_front, mapped[:, :2] / mapped[:, 2:], np.nan)
-
-
-def flip_homography(
-    H: FloatArray, size0: tuple[int, int], size1: tuple[int, int], horizontal: bool, vertical: bool
-) -> NDArray[np.float64]:
-    """The homography from image 0 to image 1, of sizes (W, H), after both were mirrored."""
-    mirror0, mirror1 = (_mirror(size, horizontal, vertical) for size in (size0, size1))
-    flipped: NDArray[np.float64] = mirror1 @ np.asarray(H, np.float64) @ mirror0  # a mirror is its own inverse
-    return flipped
-
-
-def _mirror(size: tuple[int, int], horizontal: bool, vertical: bool) -> NDArray[np.float64]:
-    width, height = size
-    mirror = np.diag([-1.0 if horizontal else 1.0, -1.0 if vertical else 1.0, 1.0])
-    mirror[0, 2] = width - 1 if horizontal else 0
-    mirror[1, 2] = height - 1 if vertical else 0
-    return mirror

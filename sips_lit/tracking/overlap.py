@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.errors import BadInputError
+from sips_lit.atomic import make_folder, write_whole
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import GreyImage, ImageSequence
 
-VERSION = 1
+VERSION = 2
 MIN_TEXTURE = 1e-5
 
 
@@ -93,9 +92,7 @@ def measure_overlap(
     return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points)
 
 
-def _map_all(
-    sequence: ImageSequence, parameters: OverlapParameters
-) -> Iterator[tuple[int, int, list[list[int]]]]:
+def _map_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator[tuple[int, int, list[list[int]]]]:
     """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view."""
     height, width = sequence.frame(0).shape
     spacing = parameters.spacing
@@ -163,13 +160,12 @@ def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArr
     taken = (xy / (2 * block)).astype(np.int64)
     taken = taken[(taken < [2 * columns, 2 * rows]).all(1)]
     near[taken[:, 1], taken[:, 0]] = 1
-    occupied = near.reshape(rows, 2, columns, 2).any((1, 3))
     free = cv2.dilate(near, np.ones((3, 3), np.uint8)) == 0
     texture = cv2.cornerMinEigenVal(half, 3)[: 2 * block * rows, : 2 * block * columns]
     texture = texture.reshape(2 * rows, block, 2 * columns, block) * free[:, None, :, None]
     cells = texture.reshape(rows, 2 * block, columns, 2 * block).swapaxes(1, 2).reshape(rows, columns, -1)
     best = cells.argmax(2)
-    row, column = np.nonzero((cells.max(2) > MIN_TEXTURE) & ~occupied)
+    row, column = np.nonzero(cells.max(2) > MIN_TEXTURE)
     inside = best[row, column]
     y, x = row * 2 * block + inside // (2 * block), column * 2 * block + inside % (2 * block)
     return np.stack([2 * x + 0.5, 2 * y + 0.5], 1).astype(np.float32)
@@ -186,24 +182,10 @@ def save_index(path: Path, index: OverlapIndex, signature: Mapping[str, Any]) ->
 
     Raises BadInputError when the folder can't be written (full disk, no permission).
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as temporary:
-            try:
-                _write(temporary, index, signature)
-                temporary.close()
-                os.replace(temporary.name, path)  # noqa: PTH105 - the pair of names is clearer than two Path objects
-            finally:
-                Path(temporary.name).unlink(missing_ok=True)
-    except OSError as error:
-        raise BadInputError(f"cannot write the overlap index {path}: {error.strerror or error}") from error
-
-
-def _write(handle: IO[bytes], index: OverlapIndex, signature: Mapping[str, Any]) -> None:
-    text = np.array(json.dumps(signature, sort_keys=True))
-    np.savez(handle, survivors=index.survivors, offsets=index.offsets, points=index.points, signature=text)
-    handle.flush()
-    os.fsync(handle.fileno())
+    content, text = io.BytesIO(), np.array(json.dumps(signature, sort_keys=True))
+    np.savez(content, survivors=index.survivors, offsets=index.offsets, points=index.points, signature=text)
+    make_folder(path.parent)
+    write_whole(path, content.getvalue())
 
 
 def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:

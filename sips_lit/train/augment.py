@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.errors import BadInputError
-from sips_lit.geometry.homography import flip_homography
-from sips_lit.types import FramePair, GreyImage
+from sips_lit.geometry.mirror import flip_camera, flip_homography, flip_pose
+from sips_lit.types import FramePair, GreyImage, ViewGeometry
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,26 +68,28 @@ class Augmentation:
 
 
 def mirror_pair(pair: FramePair, horizontal: bool, vertical: bool) -> FramePair:
-    """The pair as a mirror shows it: all frames and the homography.
-
-    Raises BadInputError for a pair with poses and depth, which are not mirrored.
-    """
+    """The pair as a mirror shows it: all frames, and the homography or pose, cameras and depth that are known."""
     if not (horizontal or vertical):
         return pair
-    if pair.geometry is not None:
-        raise BadInputError(
-            f"{pair.name} has poses and depth, which a mirrored pair can't keep: train it with augment.flip=0"
-        )
 
-    def mirror(image: GreyImage) -> GreyImage:
+    def mirror(image: NDArray[Any]) -> NDArray[Any]:
         return np.ascontiguousarray(image[:: -1 if vertical else 1, :: -1 if horizontal else 1])
 
     size0, size1 = ((image.shape[1], image.shape[0]) for image in (pair.image0, pair.image1))
-    H = pair.homography
+    H, g = pair.homography, pair.geometry
     return replace(
         pair,
         frames=tuple(mirror(frame) for frame in pair.frames),
         image0=mirror(pair.image0),
         image1=mirror(pair.image1),
         homography=None if H is None else flip_homography(H, size0, size1, horizontal, vertical),
+        geometry=None
+        if g is None
+        else ViewGeometry(
+            T_1_0=flip_pose(g.T_1_0, horizontal, vertical),
+            camera0=flip_camera(g.camera0, horizontal, vertical),
+            camera1=flip_camera(g.camera1, horizontal, vertical),
+            depth0=None if g.depth0 is None else mirror(g.depth0),
+            depth1=None if g.depth1 is None else mirror(g.depth1),
+        ),
     )

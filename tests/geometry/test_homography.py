@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from textured_scenes import texture
 
-from sips_lit.geometry.homography import apply_homography, flip_homography
+from sips_lit.geometry.homography import apply_homography
 
 SMALL = st.floats(-0.3, 0.3)
 homographies = st.builds(
@@ -48,33 +47,3 @@ def test_points_beyond_the_horizon_are_nan(sign):
 
 def test_no_points():
     assert apply_homography(np.eye(3), np.zeros((0, 2))).shape == (0, 2)
-
-
-FLIPS = [(False, False), (True, False), (False, True), (True, True)]
-
-
-def mirrored(xy: np.ndarray, size: tuple[int, int], horizontal: bool, vertical: bool) -> np.ndarray:
-    x = size[0] - 1 - xy[:, 0] if horizontal else xy[:, 0]
-    y = size[1] - 1 - xy[:, 1] if vertical else xy[:, 1]
-    return np.stack([x, y], 1)
-
-
-@given(homographies, points, st.sampled_from(FLIPS))
-@settings(max_examples=60, deadline=None)
-def test_mirrored_points_map_to_mirrored_points(H, xy, flip):
-    size0, size1 = (160, 120), (201, 77)
-    mapped = apply_homography(flip_homography(H, size0, size1, *flip), mirrored(xy, size0, *flip))
-    np.testing.assert_allclose(mapped, mirrored(apply_homography(H, xy), size1, *flip), atol=1e-6)
-
-
-@pytest.mark.parametrize(("horizontal", "vertical"), FLIPS)
-def test_warping_a_mirrored_image_is_mirroring_the_warped_one(horizontal, vertical):
-    H = np.array([[1.1, 0.05, 3], [-0.04, 0.95, 8], [2e-4, -1e-4, 1]])
-    turn = slice(None, None, -1 if vertical else 1), slice(None, None, -1 if horizontal else 1)
-    image, size1 = texture(70, 90), (100, 64)
-    flipped = flip_homography(H, (90, 70), size1, horizontal, vertical)
-    warped = cv2.warpPerspective(image, H, size1)[turn].astype(float)
-    inner = slice(12, -12), slice(12, -12)
-    difference = cv2.warpPerspective(np.ascontiguousarray(image[turn]), flipped, size1) - warped
-    assert np.abs(difference[inner]).max() <= 12  # OpenCV interpolates at steps of 1 / 32 pixel
-    assert np.abs(difference[inner]).mean() < 0.7

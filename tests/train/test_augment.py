@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from textured_scenes import flight, keypoints, texture
 
-from sips_lit.errors import BadInputError
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
@@ -70,14 +69,16 @@ def test_no_mirror_is_the_same_pair():
     assert mirror_pair(replace(PAIR, homography=None), True, False).homography is None
 
 
-def test_pairs_with_poses_are_not_mirrored():
-    camera = Camera(np.eye(3), (160, 120))
-    posed = replace(PAIR, geometry=ViewGeometry(np.eye(4), camera, camera, np.ones((120, 160)), None))
-    with pytest.raises(BadInputError, match=r"flight:0-5 has poses and depth.*augment\.flip=0"):
-        mirror_pair(posed, True, False)
-    with pytest.raises(BadInputError):
-        Augmentation(flip=1)(posed, np.random.default_rng(0))
-    assert Augmentation(flip=0)(posed, np.random.default_rng(0)).geometry is posed.geometry
+def test_a_mirrored_pair_keeps_its_geometry():
+    camera = Camera(np.array([[100.0, 0, 70], [0, 100, 50], [0, 0, 1]]), (160, 120))
+    T = np.eye(4)
+    T[0, 3] = -0.2
+    depth = np.random.default_rng(0).uniform(2, 4, (120, 160))
+    pair = mirror_pair(replace(PAIR, geometry=ViewGeometry(T, camera, camera, depth, None)), True, False)
+    np.testing.assert_array_equal(pair.geometry.depth0, depth[:, ::-1])
+    assert pair.geometry.depth1 is None
+    assert pair.geometry.T_1_0[0, 3] == pytest.approx(0.2)
+    assert pair.geometry.camera0.matrix[0, 2] == pytest.approx(159 - 70)
 
 
 def test_light_changes_only_what_the_detector_sees():

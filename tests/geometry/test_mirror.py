@@ -1,0 +1,76 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from textured_scenes import texture
+
+from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.mirror import flip_camera, flip_homography, flip_pose
+from sips_lit.geometry.projection import transfer
+from sips_lit.types import Camera
+
+SMALL = st.floats(-0.3, 0.3)
+homographies = st.builds(
+    lambda a, tx, ty, px, py, sign: (
+        sign * (np.array([[1 + a[0], a[1], tx], [a[2], 1 + a[3], ty], [px * 1e-3, py * 1e-3, 1]]))
+    ),
+    arrays(float, 4, elements=SMALL),
+    st.floats(-50, 50),
+    st.floats(-50, 50),
+    SMALL,
+    SMALL,
+    st.sampled_from([1.0, -2.5]),
+)
+points = arrays(float, (7, 2), elements=st.floats(0, 200))
+
+
+FLIPS = [(False, False), (True, False), (False, True), (True, True)]
+
+
+def mirrored(xy: np.ndarray, size: tuple[int, int], horizontal: bool, vertical: bool) -> np.ndarray:
+    x = size[0] - 1 - xy[:, 0] if horizontal else xy[:, 0]
+    y = size[1] - 1 - xy[:, 1] if vertical else xy[:, 1]
+    return np.stack([x, y], 1)
+
+
+@given(homographies, points, st.sampled_from(FLIPS))
+@settings(max_examples=60, deadline=None)
+def test_mirrored_points_map_to_mirrored_points(H, xy, flip):
+    size0, size1 = (160, 120), (201, 77)
+    mapped = apply_homography(flip_homography(H, size0, size1, *flip), mirrored(xy, size0, *flip))
+    np.testing.assert_allclose(mapped, mirrored(apply_homography(H, xy), size1, *flip), atol=1e-6)
+
+
+@pytest.mark.parametrize(("horizontal", "vertical"), FLIPS)
+def test_warping_a_mirrored_image_is_mirroring_the_warped_one(horizontal, vertical):
+    H = np.array([[1.1, 0.05, 3], [-0.04, 0.95, 8], [2e-4, -1e-4, 1]])
+    turn = slice(None, None, -1 if vertical else 1), slice(None, None, -1 if horizontal else 1)
+    image, size1 = texture(70, 90), (100, 64)
+    flipped = flip_homography(H, (90, 70), size1, horizontal, vertical)
+    warped = cv2.warpPerspective(image, H, size1)[turn].astype(float)
+    inner = slice(12, -12), slice(12, -12)
+    difference = cv2.warpPerspective(np.ascontiguousarray(image[turn]), flipped, size1) - warped
+    assert np.abs(difference[inner]).max() <= 12  # OpenCV interpolates at steps of 1 / 32 pixel
+    assert np.abs(difference[inner]).mean() < 0.7
+
+
+@pytest.mark.parametrize(("horizontal", "vertical"), FLIPS)
+def test_mirrored_points_with_depth_are_seen_where_the_mirrored_camera_sees_them(horizontal, vertical):
+    rotation, _ = cv2.Rodrigues(np.array([0.1, -0.2, 0.3]))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation, [0.3, -0.2, 0.1]
+    size0, size1 = (160, 120), (201, 77)
+    camera0 = Camera(np.array([[150.0, 0.5, 71], [0, 140, 66], [0, 0, 1]]), size0)
+    camera1 = Camera(np.array([[170.0, 0, 95], [0, 180, 40], [0, 0, 1]]), size1)
+    generator = np.random.default_rng(0)
+    xy, depth = generator.uniform(0, 100, (20, 2)), generator.uniform(2, 9, 20)
+    seen, deep = transfer(xy, depth, camera0, camera1, T)
+    flip = (horizontal, vertical)
+    seen_mirrored, deep_mirrored = transfer(
+        mirrored(xy, size0, *flip), depth, flip_camera(camera0, *flip), flip_camera(camera1, *flip), flip_pose(T, *flip)
+    )
+    np.testing.assert_allclose(seen_mirrored, mirrored(seen, size1, *flip), atol=1e-9)
+    np.testing.assert_allclose(deep_mirrored, deep)
+    assert np.linalg.det(flip_pose(T, *flip)[:3, :3]) == pytest.approx(1)  # still a rotation
