@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import logging
+import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from sips_lit.errors import BadInputError, TrainingInterrupted
 PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
 INTERRUPTED = 130
+_LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
 
 
 def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
@@ -36,8 +39,11 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             sys.exit(INTERRUPTED)
+        except SystemExit as stop:
+            # what Lightning makes of a Ctrl-C during a fit
+            sys.exit(INTERRUPTED if isinstance(stop.__context__, KeyboardInterrupt) else stop.code)
         except Exception as error:
-            sentence = explain(error)
+            sentence = explain(error, keys_not_set(config))
             if sentence is None:
                 raise
             print(f"error: {sentence}", file=sys.stderr)
@@ -74,23 +80,43 @@ def cpu_flags() -> str:
     return next((line for line in lines if line.startswith("flags")), "")
 
 
-def explain(error: BaseException) -> str | None:
-    """One sentence if the error, or what caused it, is the user's to mend; None if it is a defect of the program."""
+def explain(error: BaseException, missing: Collection[str] = ()) -> str | None:
+    """One sentence if the error, or what caused it, is the user's to mend; None if it is a defect of the program.
+
+    ``missing`` are the keys of the configuration that are not set: an error may know one by where it is used only.
+    """
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, BadInputError | TrainingInterrupted):
             return str(cause)
         if isinstance(cause, MissingMandatoryValue | InterpolationToMissingValueError):
-            key = str(cause.full_key or cause).removeprefix("Missing mandatory value: ")
-            source = _missing_key(str(cause)) or key
-            return f"{source} is not set: add {source}=... to the command"
-        if isinstance(cause, OSError) and cause.errno == 28:
+            key = _missing_key(str(cause), str(cause.full_key or ""), missing)
+            return f"{key} is not set: add {key}=... to the command"
+        if isinstance(cause, RuntimeError) and _LOST_WORKER.search(str(cause)):
+            return (
+                "a loading worker was killed (for want of memory?): try datamodule.loading_workers=0, or smaller images"
+            )
+        if isinstance(cause, OSError) and cause.errno == errno.ENOSPC:
             return f"the disk is full: free some space, or write elsewhere ({cause.filename or 'hydra.run.dir=...'})"
         cause = cause.__cause__ or (cause.__context__ if isinstance(cause, InstantiationException) else None)
     return None
 
 
-def _missing_key(message: str) -> str | None:
-    """The key that an interpolation ended at: 'MissingMandatoryValue ... ${data.path} ...' names it."""
-    start = message.find("${")
-    return message[start + 2 : message.find("}", start)] if start >= 0 else None
+def keys_not_set(config: DictConfig) -> list[str]:
+    """Keys whose value is ``???``, not those that only refer to one (`OmegaConf.missing_keys` fails there)."""
+
+    def search(node: Any, key: str) -> Iterator[str]:
+        if isinstance(node, dict):
+            for name, value in node.items():
+                yield from search(value, f"{key}.{name}" if key else str(name))
+        elif node == "???":
+            yield key
+
+    return list(search(OmegaConf.to_container(config, resolve=False), ""))
+
+
+def _missing_key(message: str, used_as: str, missing: Collection[str]) -> str:
+    """The key that the user has to set: the message names it, or where it ends up (``datamodule.data.path``)."""
+    named = re.search(r"Missing mandatory value: (\S+)|\$\{([^}]+)\}", message)
+    key = (named[1] or named[2]) if named else used_as
+    return min((k for k in missing if f".{key}".endswith(f".{k}")), default=key, key=len)

@@ -1,0 +1,97 @@
+"""Runs commands as a user does: arguments in, exit code and text out, in this process (fast) or in one of its own."""
+
+import importlib
+import logging
+import os
+import signal
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import cv2
+import pytest
+import torch
+from cli_runs import ROOT, Command, Result, write_frames
+from textured_scenes import flight
+
+from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.selection import PointSelector
+from sips_lit.export.safetensors import export_safetensors
+
+
+@pytest.fixture(scope="session")
+def frames(tmp_path_factory) -> Path:
+    """A folder of 16 images, 128 x 96."""
+    return write_frames(tmp_path_factory.mktemp("frames") / "plane", flight(16, size=(128, 96)).frames)
+
+
+@pytest.fixture(scope="session")
+def checkpoint(tmp_path_factory) -> Path:
+    """An untrained network as an exported file."""
+    torch.manual_seed(0)
+    path = tmp_path_factory.mktemp("checkpoint") / "untrained.safetensors"
+    export_safetensors(ScoreNetwork(3, 4), PointSelector(), path)
+    return path
+
+
+@pytest.fixture
+def folders(tmp_path, monkeypatch) -> Path:
+    """A place of its own for what commands write."""
+    monkeypatch.setenv("SIPS_LIT_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("SIPS_LIT_OUTPUTS", str(tmp_path / "outputs"))
+    return tmp_path
+
+
+@pytest.fixture
+def command(folders, monkeypatch, capsys) -> Command:
+    """``command("train", "data=folder", ...)`` runs a command in this process and leaves no trace in it."""
+    root, threads = logging.getLogger(), cv2.getNumThreads()
+    handlers, level = root.handlers[:], root.level
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "")
+    monkeypatch.delenv("HYDRA_FULL_ERROR")
+
+    def run(name: str, *arguments: str) -> Result:
+        main = importlib.import_module(f"sips_lit.cli.{name}").main
+        monkeypatch.setattr(sys, "argv", [f"sips-{name}", *map(str, arguments)])
+        capsys.readouterr()
+        code = 0
+        with warnings.catch_warnings():
+            try:
+                main()
+            except SystemExit as stop:
+                code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+        text = capsys.readouterr()
+        return Result(code, text.out, text.err)
+
+    yield run
+    cv2.setNumThreads(threads)
+    root.handlers[:], root.level = handlers, level
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def process(folders):
+    """Starts ``python -m sips_lit.cli.<name>`` in a process group of its own; ends it with the test."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(name: str, *arguments: str) -> subprocess.Popen[str]:
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+        started.append(
+            subprocess.Popen(
+                [sys.executable, "-m", f"sips_lit.cli.{name}", *map(str, arguments)],
+                cwd=folders,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                start_new_session=True,
+            )
+        )
+        return started[-1]
+
+    yield start
+    for child in started:
+        if child.poll() is None:
+            os.killpg(child.pid, signal.SIGKILL)
+        child.communicate()

@@ -1,0 +1,135 @@
+import errno
+
+import pytest
+from omegaconf import OmegaConf
+
+from sips_lit.cli.app import CONF_DIR, build, explain, fast_precision, keys_not_set, register_resolvers, run
+from sips_lit.errors import BadInputError, TrainingInterrupted
+
+
+def wrapped(error: Exception, cause: Exception) -> Exception:
+    error.__cause__ = cause
+    return error
+
+
+def test_the_configurations_are_found():
+    assert (CONF_DIR / "train.yaml").is_file()
+
+
+def test_errors_of_the_user_become_their_message():
+    assert explain(BadInputError("give more frames")) == "give more frames"
+    assert explain(TrainingInterrupted("stopped at step 3")) == "stopped at step 3"
+    assert explain(wrapped(RuntimeError("deep"), wrapped(ValueError("deeper"), BadInputError("here")))) == "here"
+
+
+def test_defects_of_the_program_are_not_explained_away():
+    assert explain(ValueError("shape mismatch")) is None
+    assert explain(OSError(errno.EACCES, "permission denied")) is None
+    assert explain(RuntimeError("the DataLoader is odd")) is None
+
+
+def test_a_full_disk_names_the_file():
+    assert "the disk is full" in explain(OSError(errno.ENOSPC, "No space left on device", "/data/last.ckpt"))
+    assert "/data/last.ckpt" in explain(OSError(errno.ENOSPC, "No space left on device", "/data/last.ckpt"))
+    assert "hydra.run.dir" in explain(OSError(errno.ENOSPC, "No space left on device"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "DataLoader worker (pid 4711) is killed by signal: Killed. ",
+        "DataLoader worker (pid(s) 1, 2) exited unexpectedly",
+    ],
+)
+def test_a_killed_worker(text):
+    assert "loading_workers" in explain(RuntimeError(text))
+
+
+def missing(config: dict, key: str) -> str:
+    """What is said of a value that is not set when it is used as ``key``."""
+    node = OmegaConf.create(config)
+    try:
+        OmegaConf.select(node, key, throw_on_missing=True)
+    except Exception as error:
+        return explain(error, keys_not_set(node))
+    raise AssertionError("nothing was missing")
+
+
+def test_a_missing_key_is_named_as_the_user_sets_it():
+    assert missing({"checkpoint": "???"}, "checkpoint").startswith("checkpoint is not set: add checkpoint=")
+    nested = {"data": {"path": "???"}, "datamodule": {"data": "${data}"}}
+    assert missing(nested, "data.path").startswith("data.path is not set")
+    assert missing(nested, "datamodule.data.path").startswith("data.path is not set: add data.path=...")
+    lookalike = {"path": 1, "data": {"path": "???"}, "up": {"data": {"mypath": "???"}}}
+    assert missing(lookalike, "up.data.mypath").startswith("up.data.mypath is not set")
+    assert missing({"checkpoint": "???", "detector": {"path": "${checkpoint}"}}, "detector.path").startswith(
+        "checkpoint is not set"
+    )
+
+
+def test_keys_that_are_not_set():
+    config = {"a": "???", "b": {"c": "${a}", "d": "???", "e": [1]}, "f": None}
+    assert keys_not_set(OmegaConf.create(config)) == ["a", "b.d"]
+
+
+def test_build_passes_plain_containers_and_extras():
+    node = OmegaConf.create({"_target_": "builtins.dict", "a": [1, {"b": 2}]})
+    built = build(node, c=3)
+    assert built == {"a": [1, {"b": 2}], "c": 3}
+    assert type(built["a"]) is list
+    assert type(built["a"][1]) is dict
+
+
+@pytest.mark.parametrize(("flags", "expected"), [("flags: avx512_bf16", "bf16-mixed"), ("flags: sse2", "32-true")])
+def test_bf16_only_where_it_is_fast(monkeypatch, flags, expected):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    monkeypatch.setattr("torch.backends.cpu.get_cpu_capability", lambda: "AVX512")
+    monkeypatch.setattr("sips_lit.cli.app.cpu_flags", lambda: flags)
+    assert fast_precision() == expected
+    register_resolvers()
+    assert OmegaConf.create({"p": "${fast_precision:}"}).p == expected
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "text"),
+    [
+        (BadInputError("no frames: give some"), 1, "error: no frames: give some"),
+        (TrainingInterrupted("stopped and saved"), 130, "stopped and saved"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_how_a_command_ends(folders, monkeypatch, capsys, error, code, text):
+    def task(config):
+        raise error
+
+    monkeypatch.setattr("sys.argv", ["sips-index", "data=folder", "data.path=x", f"hydra.run.dir={folders}"])
+    with pytest.raises(SystemExit) as stop:
+        run("index", task)
+    assert stop.value.code == code
+    shown = capsys.readouterr().err
+    assert text in shown
+    assert "Traceback" not in shown
+
+
+def test_an_interrupted_fit_ends_as_interrupted(folders, monkeypatch):
+    def task(config):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            raise SystemExit(1)  # noqa: B904 - as Lightning does it
+
+    monkeypatch.setattr("sys.argv", ["sips-index", "data=folder", "data.path=x", f"hydra.run.dir={folders}"])
+    with pytest.raises(SystemExit) as stop:
+        run("index", task)
+    assert stop.value.code == 130
+
+
+def test_a_defect_keeps_its_traceback(folders, monkeypatch, capsys):
+    def task(config):
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setattr("sys.argv", ["sips-index", "data=folder", "data.path=x", f"hydra.run.dir={folders}"])
+    with pytest.raises(SystemExit) as stop:
+        run("index", task)
+    assert stop.value.code == 1
+    assert "ZeroDivisionError: a defect" in capsys.readouterr().err

@@ -1,0 +1,219 @@
+from functools import partial
+from types import SimpleNamespace
+
+import lightning as L
+import numpy as np
+import pytest
+import torch
+from textured_scenes import ArraySequence, flight, texture
+
+from sips_lit.describe.sift import RootSift
+from sips_lit.detect.detector import SipsDetector
+from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor
+from sips_lit.evaluate.verification import VerifiedPair
+from sips_lit.inliers.klt import KltInliers
+from sips_lit.train.datamodule import PairDataModule
+from sips_lit.train.labelling import PointLabels
+from sips_lit.train.loader import LabelledPair
+from sips_lit.train.module import SipsModule
+from sips_lit.types import Keypoints, Reason
+
+
+def make_module(**options) -> SipsModule:
+    torch.manual_seed(0)
+    optimizer = partial(torch.optim.Adam, lr=1e-2)
+    return SipsModule(ScoreNetwork(3, 4), PointSelector(3), **{"optimizer": optimizer, "points": 40, **options})
+
+
+def make_data(tmp_path, sequence=None, **options) -> PairDataModule:
+    options = {"val_fraction": 0.4, "val_pairs": 2, "loading_workers": 0, "labelling_workers": 1, **options}
+    return PairDataModule(
+        [sequence or flight(12, size=(96, 80))], RootSift(), KltInliers(), tmp_path / "indexes", **options
+    )
+
+
+def fit(module, data, steps=2, callbacks=(), **options) -> L.Trainer:
+    trainer = L.Trainer(
+        max_steps=steps,
+        accelerator="cpu",
+        logger=False,
+        enable_checkpointing=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        val_check_interval=steps,
+        check_val_every_n_epoch=None,
+        callbacks=list(callbacks),
+        **options,
+    )
+    trainer.fit(module, data)
+    return trainer
+
+
+def side(rows, columns, reasons) -> tuple[SelectedPoints, PointLabels]:
+    rows, columns, reason = np.array(rows, np.int64), np.array(columns, np.int64), np.array(reasons, np.uint8)
+    ones = np.ones(len(rows), np.float32)
+    xy = np.stack([columns, rows], 1).astype(np.float32).reshape(-1, 2)
+    points = SelectedPoints(Keypoints(xy, ones, ones), np.zeros(len(rows), np.int64), rows, columns)
+    return points, PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason)
+
+
+def hand_made(side0, side1) -> LabelledPair:
+    images = image_tensor(texture(40, 50)), image_tensor(texture(36, 44, 1))
+    return LabelledPair(*images, side0[0], side1[0], side0[1], side1[1], 0, "hand")
+
+
+class Logged(dict):
+    """What a module logs outside of a trainer."""
+
+    def __init__(self, module: SipsModule) -> None:
+        super().__init__()
+        module._trainer = SimpleNamespace(datamodule=SimpleNamespace(source_names=["city"]))
+        module.log = lambda name, value, **_: self.update({name: float(value)})
+        module.log_dict = lambda values, **_: self.update(values)
+
+
+GOOD, ALONE, LOST, FAR, UNKNOWN = Reason.INLIER, Reason.UNMATCHED, Reason.LOST, Reason.FAR, Reason.UNKNOWN
+
+
+@pytest.mark.parametrize("gradient", ["patches", "dense"])
+def test_the_loss_is_its_plain_definition(gradient):
+    module = make_module(gradient=gradient)
+    logged = Logged(module)
+    sides = side([3, 20, 39, 0], [4, 30, 49, 0], [GOOD, ALONE, UNKNOWN, FAR]), side([10, 35], [43, 0], [GOOD, LOST])
+    pair = hand_made(*sides)
+    loss = module.training_step(pair, 0)
+
+    expected, terms = 0.0, 0
+    for image, (points, labels) in zip((pair.image0, pair.image1), sides, strict=True):
+        p = torch.sigmoid(module(image))[0, 0].detach().double()
+        for row, column, inlier, known in zip(points.row, points.column, labels.inlier, labels.known, strict=True):
+            if known:
+                expected -= float(torch.log(p[row, column] if inlier else 1 - p[row, column]))
+                terms += 1
+    assert float(loss.detach()) == pytest.approx(expected, rel=1e-5)
+    assert terms == 5
+    assert logged["train/loss"] == pytest.approx(expected / 5, rel=1e-5)
+    assert logged["train/points"] == 6  # those whose truth is unknown were selected, too
+    assert logged["labels/inlier"] == logged["inlier_rate/city"] == pytest.approx(2 / 5)
+    assert logged["labels/unmatched"] == logged["labels/lost"] == logged["labels/far"] == pytest.approx(1 / 5)
+
+
+def test_the_gradient_moves_inliers_up_and_others_down():
+    module = make_module(optimizer=partial(torch.optim.SGD, lr=1e-3))
+    Logged(module)
+    pair = hand_made(side([5, 30], [6, 40], [GOOD, ALONE]), side([], [], []))
+    before = module(pair.image0)[0, 0].detach()
+    optimizer = module.make_optimizer(module.network.parameters())
+    for _ in range(20):
+        optimizer.zero_grad()
+        module.training_step(pair, 0).backward()
+        optimizer.step()
+    after = module(pair.image0)[0, 0].detach()
+    assert after[5, 6] - before[5, 6] > after[30, 40] - before[30, 40]
+
+
+@pytest.mark.parametrize(
+    "sides",
+    [
+        (side([], [], []), side([], [], [])),
+        (side([3, 4], [9, 30], [ALONE, FAR]), side([3], [3], [ALONE])),
+        (side([3], [9], [UNKNOWN]), side([], [], [])),
+    ],
+    ids=["no points", "no inlier", "nothing known"],
+)
+def test_poor_pairs_are_legal(sides):
+    module = make_module()
+    logged = Logged(module)
+    loss = module.training_step(hand_made(*sides), 0)
+    assert torch.isfinite(loss)
+    if loss.requires_grad:
+        loss.backward()
+    assert logged["labels/inlier"] == 0
+    assert np.isfinite(list(logged.values())).all()
+
+
+def test_a_run_on_a_scene_without_any_point_or_inlier(tmp_path):
+    grey = ArraySequence([np.full((60, 70), 90, np.uint8) for _ in range(8)], "grey", [np.eye(3)] * 8)
+    module = make_module()
+    fit(module, make_data(tmp_path, grey), steps=3)
+    assert all(torch.isfinite(p).all() for p in module.parameters())
+
+
+class Watch(L.Callback):
+    """Keeps what the steps give."""
+
+    def __init__(self) -> None:
+        self.metrics: dict[str, float] = {}
+        self.validated: list[VerifiedPair] = []
+
+    def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
+        self.metrics.update({name: float(value) for name, value in trainer.callback_metrics.items()})
+
+    def on_validation_batch_end(self, trainer, pl_module, outputs, batch, batch_idx, dataloader_idx=0) -> None:
+        self.validated.append(outputs)
+
+
+def test_a_run_changes_the_weights_and_tells_where_inliers_come_from(tmp_path):
+    module, watch = make_module(), Watch()
+    before = [p.detach().clone() for p in module.parameters()]
+    fit(module, make_data(tmp_path), steps=3, callbacks=[watch])
+    assert any(not torch.equal(a, b) for a, b in zip(before, module.parameters(), strict=True))
+    rates = [watch.metrics[f"labels/{name}"] for name in ("inlier", "unmatched", "lost", "far")]
+    assert sum(rates) == pytest.approx(1)
+    assert watch.metrics["inlier_rate/data"] == watch.metrics["labels/inlier"] > 0.1
+    assert 0 < watch.metrics["train/points"] <= 80
+
+
+def test_validation_verifies_the_points_that_the_network_selects(tmp_path):
+    module, watch = make_module(), Watch()
+    fit(module, make_data(tmp_path), steps=1, callbacks=[watch])
+    assert len(watch.validated) == 2
+    for verified in watch.validated:
+        points = SipsDetector(module.network, module.selector).detect(verified.pair.image0, 40)
+        np.testing.assert_allclose(verified.features0.keypoints.xy, points.xy, atol=1e-4)
+        assert verified.inliers.inlier.sum() > 0
+
+
+@pytest.mark.parametrize("scales", [1, 2])
+def test_a_checkpoint_holds_plain_types_and_becomes_a_detector(tmp_path, scales):
+    module = make_module()
+    module = SipsModule(ScoreNetwork(3, 4, scales=scales), PointSelector(4, subpixel=False), module.make_optimizer)
+    trainer = fit(module, make_data(tmp_path), steps=1)
+    trainer.save_checkpoint(tmp_path / "a.ckpt")
+    stored = torch.load(tmp_path / "a.ckpt", weights_only=True)
+    assert stored["hyper_parameters"]["network"]["depth"] == 3
+    detector = SipsDetector.from_checkpoint(tmp_path / "a.ckpt")
+    assert detector.selector.nms_radius == 4
+    assert detector.network.scales == scales
+    image = texture(60, 70, 4)
+    expected = SipsDetector(module.network, PointSelector(4)).detect(image, 20)
+    np.testing.assert_array_equal(detector.detect(image, 20).xy, expected.xy)
+
+
+def test_bf16_runs(tmp_path):
+    module, watch = make_module(), Watch()
+    fit(module, make_data(tmp_path), steps=2, callbacks=[watch], precision="bf16-mixed")
+    assert np.isfinite(watch.metrics["train/loss"])
+    assert all(p.dtype == torch.float32 and torch.isfinite(p).all() for p in module.parameters())
+
+
+def test_the_schedule_ends_with_the_run(tmp_path):
+    schedule = partial(torch.optim.lr_scheduler.CosineAnnealingLR, eta_min=1e-4)
+    module = make_module(scheduler=schedule)
+    trainer = fit(module, make_data(tmp_path), steps=4)
+    assert trainer.optimizers[0].param_groups[0]["lr"] == pytest.approx(1e-4)
+
+
+def test_the_schedule_counts_optimiser_steps(tmp_path):
+    schedule = partial(torch.optim.lr_scheduler.CosineAnnealingLR, eta_min=1e-4)
+    module = make_module(scheduler=schedule)
+    trainer = fit(module, make_data(tmp_path), steps=2, accumulate_grad_batches=2)
+    assert trainer.global_step == 2
+    assert trainer.optimizers[0].param_groups[0]["lr"] == pytest.approx(1e-4)
+
+
+def test_a_constant_rate_needs_no_schedule(tmp_path):
+    trainer = fit(make_module(), make_data(tmp_path), steps=2)
+    assert trainer.optimizers[0].param_groups[0]["lr"] == 1e-2
