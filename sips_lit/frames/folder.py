@@ -50,12 +50,25 @@ def folder(path: str | Path | Sequence[str | Path], max_side: int | None = None)
     ``max_side``: shrink images whose longer side exceeds it (pixels). Raises BadInputError when a folder is missing, or has
     fewer than two images.
     """
-    if not isinstance(path, str | Path):
-        parts = [sequence for part in path for sequence in folder(part, max_side)]
-        return _with_unique_names(parts)
-    root = Path(path)
+    if max_side is not None and max_side < 16:
+        raise BadInputError(f"data.max_side is {max_side}: it must be at least 16 pixels, or null to keep the size")
+    if isinstance(path, str | Path):
+        return _with_unique_names(_sequences(Path(path), max_side))
+    sequences = [sequence for part in path for sequence in _sequences(Path(part), max_side)]
+    if not sequences:
+        raise BadInputError("the list of folders is empty: data.path must name one folder of images at least")
+    return _with_unique_names(sequences)
+
+
+def safe_name(name: str) -> str:
+    """The name with everything but letters, digits, dots, minus and underscore replaced."""
+    return re.sub(r"[^\w.-]+", "_", name) or "sequence"
+
+
+def _sequences(root: Path, max_side: int | None) -> list[ImageSequence]:
     if not root.is_dir():
-        raise BadInputError(f"there is no folder {root}: data.path must be a folder of images")
+        problem = f"{root} is a file" if root.exists() else f"there is no folder {root}"
+        raise BadInputError(f"{problem}: data.path must be a folder of images")
     files = list_images(root)
     if files:
         return [_sequence(root, files, max_side, root.resolve().name)]
@@ -63,12 +76,7 @@ def folder(path: str | Path | Sequence[str | Path], max_side: int | None = None)
     sequences = [_sequence(sub, own, max_side, f"{root.resolve().name}_{sub.name}") for sub, own in subfolders if own]
     if not sequences:
         raise BadInputError(f"the folder {root} has no images (.png, .jpg, ...), nor have its subfolders")
-    return _with_unique_names(sequences)
-
-
-def safe_name(name: str) -> str:
-    """The name with everything but letters, digits, dots, minus and underscore replaced."""
-    return re.sub(r"[^\w.-]+", "_", name) or "sequence"
+    return sequences
 
 
 def _sequence(folder: Path, files: list[Path], max_side: int | None, name: str) -> ImageSequence:
@@ -80,9 +88,11 @@ def _sequence(folder: Path, files: list[Path], max_side: int | None, name: str) 
 
 
 def _with_unique_names(sequences: list[ImageSequence]) -> list[ImageSequence]:
-    seen: dict[str, int] = {}
+    names: set[str] = set()
     for sequence in sequences:
-        count = seen[sequence.name] = seen.get(sequence.name, 0) + 1
-        if count > 1:
-            sequence.name = f"{sequence.name}_{count}"
+        wanted, count = sequence.name, 1
+        while sequence.name in names:
+            count += 1
+            sequence.name = f"{wanted}_{count}"
+        names.add(sequence.name)
     return sequences

@@ -14,38 +14,44 @@ from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"})
-END_MARKERS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
+# grey at the depth of the file; the orientation tag is ignored, so that points are in pixels of the stored image
+DECODE_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 
 
 def read_grey(path: str | Path) -> GreyImage:
-    """An image file, grey, colour, with alpha, 8- or 16-bit, as grey uint8 (H, W); 16 bits are scaled by their full range.
+    """An image file, grey or colour, as grey uint8 (H, W); alpha is dropped and the orientation tag (EXIF) ignored.
 
-    Raises BadInputError when the file is missing, truncated or not an image. OpenCV would give half a picture for a
-    truncated one, so the end marker is looked for where the format has one.
+    Other depths are scaled: 16-bit values by their full range, floating-point ones from [0, 1]. Raises BadInputError when
+    the file is missing, truncated or not an image, or has values of another kind.
     """
     path = Path(path)
     try:
         data = path.read_bytes()
     except OSError as error:
         raise BadInputError(f"cannot read the image {path}: {error.strerror}") from error
-    marker = END_MARKERS.get(path.suffix.lower())
-    if marker is not None and marker not in data[-1024:]:
-        raise BadInputError(f"the image {path} is truncated or damaged: its end is missing; replace or remove it")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    try:
+        # from memory: given the name of a truncated file, OpenCV would return half a picture
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), DECODE_FLAGS) if data else None
+    except cv2.error:  # such as more pixels than OpenCV allows
+        image = None
     if image is None:
-        raise BadInputError(f"{path} is not an image that OpenCV can read, or is damaged: replace or remove it")
-    return to_grey(image)
+        raise BadInputError(
+            f"{path} is not an image that OpenCV can read, or is truncated or damaged: replace or remove it"
+        )
+    return _to_8_bits(image, path)
 
 
-def to_grey(image: NDArray[Any]) -> GreyImage:
-    """An image as OpenCV decodes it, (H, W) or (H, W, 1, 3 or 4) in BGR order, as grey uint8 (H, W); alpha is dropped."""
+def _to_8_bits(image: NDArray[Any], path: Path) -> GreyImage:
+    if image.dtype == np.uint8:
+        return np.asarray(image, np.uint8)
     if image.dtype == np.uint16:
-        image = (image / 257 + 0.5).astype(np.uint8)
-    elif image.dtype != np.uint8:
-        image = np.clip(image * 255 + 0.5, 0, 255).astype(np.uint8)
-    if image.ndim == 3:
-        image = image[..., 0] if image.shape[2] == 1 else cv2.cvtColor(image[..., :3].copy(), cv2.COLOR_BGR2GRAY)
-    return np.ascontiguousarray(image, np.uint8)
+        return np.asarray(image / 257 + 0.5, np.uint8)
+    if image.dtype.kind == "f" and np.all((image >= 0) & (image <= 1)):  # false for NaN
+        return np.asarray(image * 255 + 0.5, np.uint8)
+    raise BadInputError(
+        f"{path} has values of type {image.dtype} from {image.min()} to {image.max()}: convert it to 8 or 16 bits, or to "
+        "floating-point values in [0, 1]"
+    )
 
 
 def resize_max_side(image: GreyImage, max_side: int | None) -> GreyImage:
@@ -61,10 +67,10 @@ def resize_max_side(image: GreyImage, max_side: int | None) -> GreyImage:
 def list_images(folder: str | Path) -> list[Path]:
     """The image files of a folder in natural order (img2 before img10); hidden and other files are passed over."""
     files = [p for p in Path(folder).iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
-    return sorted((p for p in files if p.is_file()), key=lambda p: _natural(p.name))
+    return sorted((p for p in files if p.is_file()), key=lambda p: (_natural(p.name), p.name))
 
 
 def _natural(name: str) -> list[tuple[int, int, str]]:
     """A sort key in which runs of digits compare as numbers."""
     parts = re.split(r"(\d+)", name)
-    return [(1, int(part), "") if part.isdigit() else (0, 0, part) for part in parts]
+    return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]

@@ -6,7 +6,6 @@ import glob
 import hashlib
 import itertools
 import json
-import os
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from sips_lit.atomic import write_whole
 from sips_lit.errors import BadInputError
 from sips_lit.frames.folder import safe_name
 from sips_lit.frames.images import resize_max_side
@@ -76,9 +76,9 @@ def video(
     files = _find_videos(path)
     shots: list[ImageSequence] = []
     names: set[str] = set()
-    for file in files:
+    for file in dict.fromkeys(file.absolute() for file in files):
         name = safe_name(file.stem)
-        name = name if name not in names else f"{name}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:6]}"
+        name = name if name not in names else f"{name}_{hashlib.sha256(str(file).encode()).hexdigest()[:6]}"
         names.add(name)
         shots += _shots(file, name, Path(cache_dir), {"max_side": max_side, "max_frames": max_frames, "stride": stride})
     if not shots:
@@ -91,12 +91,18 @@ def _find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:
         return [file for part in path for file in _find_videos(part)]
     root = Path(path)
     if root.is_dir():
-        found = sorted(file for file in root.iterdir() if file.suffix.lower() in VIDEO_SUFFIXES)
+        visible = sorted(file for file in root.iterdir() if not file.name.startswith("."))
+        found = [file for file in visible if file.suffix.lower() in VIDEO_SUFFIXES]
     else:
-        found = [root] if root.is_file() else [Path(file) for file in sorted(glob.glob(str(path), recursive=True))]  # noqa: PTH207 - absolute patterns
+        found = [root] if root.is_file() else _matching(str(path))
     if not found:
         raise BadInputError(f"there is no video {path}: data.path must be a video file, a folder of videos or a glob")
     return found
+
+
+def _matching(pattern: str) -> list[Path]:
+    matches = sorted(Path(file) for file in glob.glob(pattern, recursive=True))  # noqa: PTH207 - absolute patterns
+    return [file for file in matches if file.is_file()]
 
 
 def _shots(file: Path, name: str, cache_dir: Path, parameters: dict[str, Any]) -> list[ImageSequence]:
@@ -118,8 +124,8 @@ def _read_meta(cache: Path) -> dict[str, Any] | None:
     try:
         meta: dict[str, Any] = json.loads((cache / "meta.json").read_text())
         whole = (cache / "frames.u8").stat().st_size == int(np.prod(meta["shape"]))
-        return meta if whole else None
-    except (OSError, ValueError, KeyError):
+        return meta if whole and "cuts" in meta else None
+    except (OSError, ValueError, TypeError, KeyError):
         return None
 
 
@@ -131,9 +137,7 @@ def _decode(file: Path, cache: Path, parameters: dict[str, Any]) -> dict[str, An
         shape = _append_frames(file, frames, parameters)
         cuts = find_cuts(iter(_open_frames(frames, shape)))
         meta = {"video": file.name, "shape": shape, "cuts": cuts, **parameters}
-        temporary = cache / "meta.json.tmp"
-        temporary.write_text(json.dumps(meta, indent=2) + "\n")
-        os.replace(temporary, cache / "meta.json")  # noqa: PTH105 - atomic, and says so
+        write_whole(cache / "meta.json", (json.dumps(meta, indent=2) + "\n").encode())
     except OSError as error:
         raise BadInputError(
             f"cannot write the frames of {file} to {cache}: {error.strerror or error}; what is there is kept, run it again"
@@ -142,6 +146,7 @@ def _decode(file: Path, cache: Path, parameters: dict[str, Any]) -> dict[str, An
 
 
 def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> tuple[int, int, int]:
+    """Decodes what is missing; each frame has its fixed place, so two processes at once write the same bytes there."""
     capture = cv2.VideoCapture(str(file))
     try:
         first = _next_frame(capture, 1, parameters["max_side"]) if capture.isOpened() else None
@@ -152,21 +157,25 @@ def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> tupl
         reported = int(max(1, capture.get(cv2.CAP_PROP_FRAME_COUNT)))
         total = min(parameters["max_frames"], -(-reported // parameters["stride"]))
         _check_space(file, frames.parent, (total - done) * height * width)
+        frames.touch()
         with (
-            frames.open("ab") as handle,
+            frames.open("r+b") as handle,
             tqdm(total=total, initial=done, desc=f"decoding {file.name}", unit="frame", delay=2) as progress,
         ):
-            handle.truncate(done * height * width)  # a kill may have left part of a frame
+            handle.seek(done * height * width)  # a kill may have left part of a frame, which is written over
             for index, image in enumerate(_frames_of(capture, first, parameters, done), start=done):
                 if image.shape != first.shape:
                     raise BadInputError(f"{file} changes its size at frame {index}: split it there")
                 handle.write(image.tobytes())
                 progress.update()
                 done = index + 1
+            handle.truncate()
     finally:
         capture.release()
     if done < 2:
-        raise BadInputError(f"{file} has one frame only: a video of a moving camera is needed")
+        raise BadInputError(
+            f"{file} gives one frame only at data.stride={parameters['stride']}: a sequence needs two or more"
+        )
     return done, height, width
 
 

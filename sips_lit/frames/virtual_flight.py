@@ -8,8 +8,10 @@ has as many frames as one likes.
 from __future__ import annotations
 
 import hashlib
+import itertools
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -17,12 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.folder import safe_name
 from sips_lit.frames.images import list_images, read_grey
+from sips_lit.geometry.homography import apply_homography
 from sips_lit.types import FloatArray, GreyImage, ImageSequence
 
 WAVES = 3
 LARGEST_SHRINK = 1.25  # a view may cover so many photograph pixels per pixel of its own before linear sampling aliases
 LARGEST_ZOOM = 2.0  # and a pixel of the photograph may cover so many pixels of the view before it looks blurred
+LARGEST_MOTION = 1 / 40  # of the width: as far as an image corner may move in one frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,18 +51,25 @@ class Path6D:
 
 
 def random_path(generator: np.random.Generator) -> Path6D:
-    """A path whose speed, rolls, tilts and zoom differ from flight to flight."""
+    """A path whose speed, rolls, tilts and zoom differ from flight to flight.
+
+    The tilts stay below 0.92 radians together: then a view whose corners are 36 degrees off its axis has no horizon.
+    """
     reach = np.array([1, 1, 1, *(generator.uniform(0, 1, 3) ** 2 * [1.0, 0.5, 0.5])])
     amplitude = generator.dirichlet(np.ones(WAVES), 6) * reach[:, None]
     period = np.exp(generator.uniform(np.log(80), np.log(500), (6, WAVES)))
     upright = generator.random() < 0.7
     roll = generator.normal(0, 0.1) if upright else generator.uniform(-np.pi, np.pi)
-    centre = np.array([0, 0, 0, roll, *generator.normal(0, 0.1, 2)])
+    centre = np.array([0, 0, 0, roll, *generator.uniform(-0.15, 0.15, 2)])
     return Path6D(amplitude, 2 * np.pi / period, generator.uniform(0, 2 * np.pi, (6, WAVES)), centre)
 
 
 class VirtualFlight(ImageSequence):
-    """``length`` frames of ``size`` (W, H) of a flight over ``still`` (H, W) uint8; flight number ``flight`` of a seed."""
+    """``length`` frames of ``size`` (W, H) of a flight over ``still`` (H, W) uint8; flight number ``flight`` of a seed.
+
+    The focal length is the longer side of the frames. No image corner moves further than about `LARGEST_MOTION`
+    in one frame.
+    """
 
     def __init__(self, still: GreyImage, name: str, size: tuple[int, int], length: int, seed: int, flight: int) -> None:
         width, height = size
@@ -72,11 +84,14 @@ class VirtualFlight(ImageSequence):
             widest = LARGEST_SHRINK * width
         narrowest = min(widest, max(widest / 2.5, width / LARGEST_ZOOM))
         self.still = still
-        self._path = random_path(np.random.default_rng([seed, flight, *name.encode()]))
         self._log_height = (np.log(widest * narrowest) / 2, np.log(widest / narrowest) / 2)
+        self._focal = float(max(width, height))
         self._to_ray = np.linalg.inv(
-            np.array([[width, 0, (width - 1) / 2], [0, width, (height - 1) / 2], [0, 0, 1]], np.float64)
+            np.array([[self._focal, 0, (width - 1) / 2], [0, self._focal, (height - 1) / 2], [0, 0, 1]])
         )
+        self._path = random_path(np.random.default_rng([seed, flight, *name.encode()]))
+        slow_down = min(1.0, LARGEST_MOTION * width / max(self._fastest_motion(), 1e-9))
+        self._path = replace(self._path, frequency=self._path.frequency * slow_down)
 
     def __len__(self) -> int:
         return self.length
@@ -94,6 +109,14 @@ class VirtualFlight(ImageSequence):
         H: FloatArray = np.linalg.solve(self._to_still(index1), self._to_still(index0))
         return np.asarray(H / H[2, 2], np.float64)
 
+    def _fastest_motion(self) -> float:
+        """The furthest that a corner of the image moves in one frame (pixels)."""
+        width, height = self.size
+        corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], np.float64)
+        to_still = [self._to_still(index) for index in range(self.length)]
+        steps = [apply_homography(np.linalg.solve(b, a), corners) - corners for a, b in itertools.pairwise(to_still)]
+        return float(np.linalg.norm(steps, axis=2).max()) if steps else 0.0
+
     def _to_still(self, index: int) -> NDArray[np.float64]:
         """Homography (3, 3) from pixels of a frame to pixels of the photograph."""
         if not 0 <= index < self.length:
@@ -103,7 +126,8 @@ class VirtualFlight(ImageSequence):
         height, width = self.still.shape
         reach_x, reach_y = (max(0.25 * view, (side - view) / 2) for side in (width, height))
         place = ((width - 1) / 2 + x * reach_x, (height - 1) / 2 + y * reach_y)
-        plane = np.array([[view, 0, place[0]], [0, view, place[1]], [0, 0, 1]])
+        magnify = view * self._focal / self.size[0]
+        plane = np.array([[magnify, 0, place[0]], [0, magnify, place[1]], [0, 0, 1]])
         rotation, _ = cv2.Rodrigues(np.array([tilt_x, tilt_y, 0.0]))
         spin, _ = cv2.Rodrigues(np.array([0.0, 0.0, roll]))
         to_still: NDArray[np.float64] = plane @ rotation @ spin @ self._to_ray
@@ -125,7 +149,10 @@ def virtual_flight(
     if not path.exists():
         raise BadInputError(f"there is no image or folder {path} to fly over: set data.path")
     files = list_images(path) if path.is_dir() else [path]
-    return flights_over([(file.stem, read_grey(file)) for file in files], size, length, flights_per_still, seed)
+    stems = Counter(file.stem for file in files)
+    names = [file.stem if stems[file.stem] == 1 else file.name for file in files]
+    stills = [(safe_name(name), read_grey(file)) for name, file in zip(names, files, strict=True)]
+    return flights_over(stills, size, length, flights_per_still, seed)
 
 
 def flights_over(
@@ -137,15 +164,21 @@ def flights_over(
 ) -> list[ImageSequence]:
     """``flights_per_still`` flights over each (name, photograph): ``length`` frames of ``size`` (W, H).
 
-    Raises BadInputError when there is no photograph, or one is too small to fly over.
+    Raises BadInputError when there is no photograph, one is too small to fly over, or a number is out of range.
     """
+    width, height = (int(side) for side in size)
+    if min(width, height) < 16 or length < 2 or flights_per_still < 1 or seed < 0:
+        raise BadInputError(
+            "flights need a size of at least 16x16, length >= 2, flights_per_still >= 1 and seed >= 0, not "
+            f"{width}x{height}, {length}, {flights_per_still} and {seed}"
+        )
     if not stills:
         raise BadInputError("there are no photographs to fly over: give an image, or a folder of images")
     for name, still in stills:
         if min(still.shape) < 32:
             raise BadInputError(f"the photograph {name} is {still.shape[1]}x{still.shape[0]}: too small to fly over")
     return [
-        VirtualFlight(still, name, (int(size[0]), int(size[1])), length, seed, flight)
+        VirtualFlight(still, name, (width, height), length, seed, flight)
         for name, still in stills
         for flight in range(flights_per_still)
     ]

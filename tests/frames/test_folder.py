@@ -1,0 +1,155 @@
+import os
+import pickle
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from textured_scenes import texture
+
+from sips_lit.errors import BadInputError
+from sips_lit.frames.folder import folder, safe_name
+
+
+def fill(place: Path, count: int = 3, size: tuple[int, int] = (48, 64), seed: int = 0, name: str = "{}.png") -> Path:
+    place.mkdir(parents=True, exist_ok=True)
+    for i in range(count):
+        assert cv2.imwrite(str(place / name.format(i)), texture(*size, seed + i))
+    return place
+
+
+def test_frames_in_order(tmp_path: Path):
+    (sequence,) = folder(fill(tmp_path / "walk", 12))
+    assert (len(sequence), sequence.name, sequence.frame_name(10)) == (12, "walk", "10")
+    for i in range(12):
+        np.testing.assert_array_equal(sequence.frame(i), texture(48, 64, i))
+
+
+def test_max_side_shrinks_and_never_enlarges(tmp_path: Path):
+    fill(tmp_path)
+    (small,), (same,) = folder(tmp_path, max_side=32), folder(str(tmp_path), max_side=100)
+    assert small.frame(1).shape == (24, 32)
+    np.testing.assert_array_equal(same.frame(1), texture(48, 64, 1))
+
+
+def test_subfolders_are_sequences(tmp_path: Path):
+    root = tmp_path / "trips"
+    fill(root / "b c", seed=5)
+    fill(root / "a")
+    (root / "empty").mkdir()
+    (root / "notes.txt").touch()
+    sequences = folder(root)
+    assert [sequence.name for sequence in sequences] == ["trips_a", "trips_b_c"]
+    np.testing.assert_array_equal(sequences[1].frame(0), texture(48, 64, 5))
+
+
+def test_images_of_the_folder_itself_go_before_its_subfolders(tmp_path: Path):
+    fill(tmp_path / "walk")
+    fill(tmp_path / "walk" / "thumbnails")
+    assert [len(sequence) for sequence in folder(tmp_path / "walk")] == [3]
+
+
+def test_names_are_unique_and_safe(tmp_path: Path):
+    places = [fill(tmp_path / place) for place in ("x/cam", "y/cam", "z/cam_2", "z/cam 2", "u/cam")]
+    names = [sequence.name for sequence in folder(places)]
+    assert len(set(names)) == 5
+    assert names[:2] == ["cam", "cam_2"]
+    assert all(name == safe_name(name) for name in names)
+
+
+def test_names_of_subfolders_that_differ_in_unsafe_letters_only(tmp_path: Path):
+    for place in ("a b", "a+b", "a_b"):
+        fill(tmp_path / "trips" / place)
+    assert len({sequence.name for sequence in folder(tmp_path / "trips")}) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "safe"), [("a b/c", "a_b_c"), ("", "sequence"), ("été-1.0", "été-1.0"), ("x:*?<>|y", "x_y")]
+)
+def test_safe_name(name: str, safe: str):
+    assert safe_name(name) == safe
+
+
+def test_fingerprint(tmp_path: Path):
+    place = fill(tmp_path / "walk")
+    original = folder(place)[0].fingerprint
+    assert folder(str(place))[0].fingerprint == original
+    shutil.copytree(place, tmp_path / "copy" / "walk")  # keeps the times
+    assert folder(tmp_path / "copy" / "walk")[0].fingerprint == original
+    (place / "notes.txt").touch()
+    assert folder(place)[0].fingerprint == original
+
+    prints = {original, folder(place, max_side=32)[0].fingerprint, folder(place, max_side=33)[0].fingerprint}
+    times = (place / "1.png").stat()
+    content = (place / "1.png").read_bytes()
+    (place / "1.png").write_bytes(content + b"1")
+    os.utime(place / "1.png", ns=(times.st_atime_ns, times.st_mtime_ns))
+    prints.add(folder(place)[0].fingerprint)  # another size
+    (place / "1.png").write_bytes(content)
+    os.utime(place / "1.png", ns=(times.st_atime_ns, times.st_mtime_ns + 1_000_000_000))
+    prints.add(folder(place)[0].fingerprint)  # another time
+    (place / "2.png").rename(place / "4.png")
+    prints.add(folder(place)[0].fingerprint)
+    (place / "4.png").unlink()
+    prints.add(folder(place)[0].fingerprint)
+    assert len(prints) == 7
+
+
+def test_pickles(tmp_path: Path):
+    (sequence,) = folder(fill(tmp_path), max_side=32)
+    sequence.frame(2)
+    other = pickle.loads(pickle.dumps(sequence))
+    assert (other.name, other.fingerprint, len(other)) == (sequence.name, sequence.fingerprint, 3)
+    np.testing.assert_array_equal(other.frame(1), sequence.frame(1))
+
+
+def test_missing_file_empty_and_single(tmp_path: Path):
+    with pytest.raises(BadInputError, match=r"there is no folder .*gone"):
+        folder(tmp_path / "gone")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BadInputError, match=r"empty has no images"):
+        folder(tmp_path / "empty")
+    fill(tmp_path / "single", 1)
+    with pytest.raises(BadInputError, match=r"single has one image only"):
+        folder(tmp_path / "single")
+    with pytest.raises(BadInputError, match=r"0\.png is a file"):
+        folder(tmp_path / "single" / "0.png")
+
+
+def test_bad_lists_and_numbers(tmp_path: Path):
+    with pytest.raises(BadInputError, match="list of folders is empty"):
+        folder([])
+    with pytest.raises(BadInputError, match="gone"):
+        folder([fill(tmp_path / "walk"), tmp_path / "gone"])
+    for max_side in (0, -5, 15):
+        with pytest.raises(BadInputError, match=f"max_side is {max_side}"):
+            folder(tmp_path / "walk", max_side)
+
+
+def test_unreadable_image_in_the_middle(tmp_path: Path):
+    (tmp_path / "1.png").write_text("oops")
+    fill(tmp_path, name="{}.bmp")
+    (sequence,) = folder(tmp_path)
+    assert [sequence.frame_name(i) for i in range(4)] == ["0", "1", "1", "2"]
+    np.testing.assert_array_equal(sequence.frame(0), texture(48, 64, 0))
+    with pytest.raises(BadInputError, match=r"1\.png is not an image"):
+        sequence.frame(2)
+
+
+def test_mixed_sizes(tmp_path: Path):
+    fill(tmp_path, 3)
+    cv2.imwrite(str(tmp_path / "1.png"), texture(64, 48))
+    for order in ((0, 1), (1,), (2, 1)):  # whichever frame is asked for first
+        (sequence,) = folder(tmp_path)
+        for index in order[:-1]:
+            sequence.frame(index)
+        with pytest.raises(BadInputError, match=r"1\.png is 48x64, but 0\.png is 64x48"):
+            sequence.frame(order[-1])
+
+
+def test_sizes_are_compared_before_shrinking(tmp_path: Path):
+    fill(tmp_path, 2)
+    cv2.imwrite(str(tmp_path / "1.png"), texture(96, 128))
+    with pytest.raises(BadInputError, match="must have one size"):
+        folder(tmp_path, max_side=32)[0].frame(1)
