@@ -7,7 +7,7 @@ import threading
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 import lightning as L
 import torch
@@ -49,17 +49,18 @@ class NonFiniteGuard(L.Callback):
 class GracefulStop(L.Callback):
     """On Ctrl-C (or SIGTERM) finishes the step, saves ``checkpoint`` and raises TrainingInterrupted.
 
-    During a validation it waits for its end. A second Ctrl-C stops at once and saves nothing.
+    During a validation, or right before one, it waits for its end. A second Ctrl-C stops at once and saves nothing.
     """
 
     def __init__(self, checkpoint: str | Path) -> None:
         self.checkpoint = Path(checkpoint)
         self.requested = False
+        self._saved = False
         self._previous: dict[int, Any] = {}
 
     def on_fit_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         """Listens."""
-        self.requested = False
+        self.requested = self._saved = False
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._previous[number] = signal.signal(number, self._on_signal)
@@ -67,13 +68,45 @@ class GracefulStop(L.Callback):
     def on_train_batch_end(
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
-        """Saves and stops if it was asked to."""
+        """Saves and stops if it was asked to, and if the run can go on from here.
+
+        Not while gradients are accumulated, nor when a validation follows: a resumed run would leave it out.
+        """
+        count = batch_idx + 1
+        inside_step = count % trainer.accumulate_grad_batches != 0
+        validates = trainer.should_stop or count % (trainer.val_check_batch or count + 1) == 0
+        if self.requested and not inside_step and not validates:
+            self._save(trainer)
+            self._stop(trainer)
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        """Saves if it was asked to stop; callbacks that come later still see the validation."""
         if self.requested:
-            trainer.save_checkpoint(self.checkpoint)
-            raise TrainingInterrupted(f"stopped at step {trainer.global_step} and saved {self.checkpoint}")
+            self._save(trainer)
+
+    def on_train_batch_start(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int
+    ) -> None:
+        """Stops if a validation came in between."""
+        if self._saved:
+            self._stop(trainer)
+
+    def _save(self, trainer: L.Trainer) -> None:
+        trainer.save_checkpoint(self.checkpoint)
+        self._saved = True
+
+    def _stop(self, trainer: L.Trainer) -> NoReturn:
+        raise TrainingInterrupted(f"stopped at step {trainer.global_step} and saved {self.checkpoint}")
 
     def teardown(self, trainer: L.Trainer, pl_module: L.LightningModule, stage: str) -> None:
         """Gives the signals back."""
+        self._give_back()
+
+    def on_exception(self, trainer: L.Trainer, pl_module: L.LightningModule, exception: BaseException) -> None:
+        """Gives the signals back, as there is no teardown after an exception."""
+        self._give_back()
+
+    def _give_back(self) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
         self._previous.clear()

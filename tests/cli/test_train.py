@@ -1,0 +1,286 @@
+import os
+import signal
+from pathlib import Path
+
+import cv2
+import lightning as L
+import numpy as np
+import pytest
+import torch
+from cli_runs import TINY, write_frames
+from hydra import compose, initialize_config_dir
+from omegaconf import DictConfig, open_dict
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from textured_scenes import flight, texture
+
+from sips_lit.callbacks.guard import GracefulStop
+from sips_lit.cli.app import CONF_DIR, register_resolvers
+from sips_lit.cli.train import resume_path, train
+from sips_lit.detect.detector import SipsDetector
+from sips_lit.errors import BadInputError, TrainingInterrupted
+
+
+def config_of(run: Path, frames: Path, *overrides: str) -> DictConfig:
+    """The real configuration of a tiny run in a folder."""
+    register_resolvers()
+    given = ["data=folder", f"data.path={frames}", f"paths.run={run}", f"paths.indexes={run.parent}/indexes"]
+    with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
+        return compose("train", [*TINY, "+trainer.enable_progress_bar=false", *given, *overrides])
+
+
+def run_it(run: Path, frames: Path, *overrides: str, **callbacks: dict) -> float:
+    config = config_of(run, frames, *overrides)
+    with open_dict(config):
+        config.callbacks.update(callbacks)
+    threads = cv2.getNumThreads()
+    try:
+        return train(config)
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def weights(run: Path, name: str = "last") -> dict[str, torch.Tensor]:
+    return torch.load(run / "checkpoints" / f"{name}.ckpt", weights_only=True)["state_dict"]
+
+
+def assert_equal_weights(a: Path, b: Path) -> None:
+    one, other = weights(a), weights(b)
+    assert one.keys() == other.keys()
+    for name in one:
+        assert torch.equal(one[name], other[name]), name
+
+
+def scalars(run: Path) -> dict[str, list[tuple[int, float]]]:
+    events = EventAccumulator(str(run)).Reload()
+    return {tag: [(e.step, e.value) for e in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
+
+
+class StopAt(L.Callback):
+    """Asks for a graceful stop after a step, as Ctrl-C would."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> None:
+        if trainer.global_step == self.step - 1:
+            (stop,) = (c for c in trainer.callbacks if isinstance(c, GracefulStop))
+            stop.requested = True
+
+
+class CrashAt(L.Callback):
+    """Fails like a machine: nothing is saved."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> None:
+        if trainer.global_step == self.step:
+            raise RuntimeError("power cut")
+
+
+class Poison(L.Callback):
+    """Spoils the weights or the loss before a step."""
+
+    def __init__(self, step: int, weights: bool) -> None:
+        self.step, self.weights = step, weights
+
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> None:
+        if trainer.global_step == self.step:
+            if self.weights:
+                next(pl_module.parameters()).data.fill_(float("nan"))
+            else:
+                batch.image0.fill_(float("nan"))
+
+
+class KillWorker(L.Callback):
+    """Kills a loading worker, as a machine without memory does."""
+
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> None:
+        import torch.multiprocessing as mp
+
+        for child in mp.active_children():
+            os.kill(child.pid, signal.SIGKILL)
+
+
+def target(kind: type, **arguments) -> dict:
+    return {"_target_": f"{kind.__module__}.{kind.__name__}", **arguments}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory, frames) -> tuple[Path, float]:
+    """Eight steps in one go, with validations after 3, 6 and at the end: the run that others are compared with."""
+    run = tmp_path_factory.mktemp("whole") / "run"
+    return run, run_it(run, frames, "trainer.max_steps=8", "trainer.val_check_interval=3")
+
+
+def test_a_run_leaves_checkpoints_scalars_figures_and_pictures(whole):
+    run, auc = whole
+    assert 0 <= auc <= 1
+    events = EventAccumulator(str(run), {"images": 0}).Reload()
+    tags = events.Tags()
+    for name in ("val/succinctness_auc", "val/failure_rate", "val/ece", "val/mce", "val/brier"):
+        assert [e.step for e in events.Scalars(name)] == [2, 5, 7]
+    assert max(e.value for e in events.Scalars("val/succinctness_auc")) == pytest.approx(auc)
+    assert {"validation/succinctness", "validation/reliability", "matches/0"} <= set(tags["images"])
+    for name in ("validation/succinctness", "validation/reliability", "matches/0"):
+        assert [e.step for e in events.Images(name)] == [3, 6, 8]
+    picture = cv2.imread(str(run / "pictures" / "matches_0.png"))
+    assert picture.shape[1] >= 2 * 128
+    assert picture.std() > 10
+    for name in ("best", "last"):
+        points = SipsDetector.from_checkpoint(run / "checkpoints" / f"{name}.ckpt")(texture(60, 80), n=9)
+        assert 0 < len(points) <= 9
+
+
+def test_training_scalars_are_logged(tmp_path, frames):
+    run_it(tmp_path / "run", frames, "trainer.max_steps=4", "trainer.log_every_n_steps=2")
+    logged = scalars(tmp_path / "run")
+    for name in ("train/loss", "train/points", "labels/inlier", "labels/far", "inlier_rate/data", "lr-Adam"):
+        assert len(logged[name]) == 2, name
+
+
+@pytest.mark.parametrize(("labelling", "loading"), [(3, 0), (1, 2)])
+def test_a_seed_gives_one_run_whatever_the_workers(whole, tmp_path, frames, labelling, loading):
+    workers = f"datamodule.labelling_workers={labelling}", f"datamodule.loading_workers={loading}"
+    auc = run_it(tmp_path / "run", frames, "trainer.max_steps=8", "trainer.val_check_interval=3", *workers)
+    assert auc == whole[1]
+    assert_equal_weights(tmp_path / "run", whole[0])
+
+
+def test_another_seed_gives_another_run(whole, tmp_path, frames):
+    run_it(tmp_path / "run", frames, "trainer.max_steps=8", "trainer.val_check_interval=3", "seed=1")
+    assert not torch.equal(next(iter(weights(tmp_path / "run").values())), next(iter(weights(whole[0]).values())))
+
+
+@pytest.mark.parametrize(("step", "new_folder"), [(2, False), (4, True), (6, False)])
+def test_an_interrupted_run_resumes_exactly(whole, tmp_path, frames, step, new_folder):
+    run, again = tmp_path / "run", tmp_path / ("again" if new_folder else "run")
+    steps = "trainer.max_steps=8", "trainer.val_check_interval=3", f"paths.outputs={tmp_path}"
+    with pytest.raises(TrainingInterrupted, match=f"stopped at step {step} and saved .*last.ckpt"):
+        run_it(run, frames, *steps, halt=target(StopAt, step=step))
+    assert torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == step
+    auc = run_it(again, frames, *steps, "ckpt_path=last")
+    assert_equal_weights(again, whole[0])
+    assert new_folder or auc == pytest.approx(whole[1], abs=1e-12)
+    steps_validated = {step for folder in {run, again} for step, _ in scalars(folder).get("val/succinctness_auc", [])}
+    assert sorted(steps_validated) == [2, 5, 7]
+
+
+def test_a_crashed_run_resumes_exactly_from_its_last_validation(whole, tmp_path, frames):
+    run = tmp_path / "run"
+    steps = "trainer.max_steps=8", "trainer.val_check_interval=3"
+    with pytest.raises(RuntimeError, match="power cut"):
+        run_it(run, frames, *steps, crash=target(CrashAt, step=5))
+    assert torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == 3
+    run_it(run, frames, *steps, "ckpt_path=last")
+    assert_equal_weights(run, whole[0])
+    steps_validated = sorted({step for step, _ in scalars(run)["val/succinctness_auc"]})
+    assert steps_validated == [2, 5, 7]
+
+
+def test_every_step_is_in_the_last_checkpoint(whole):
+    stored = torch.load(whole[0] / "checkpoints" / "last.ckpt", weights_only=True)
+    assert stored["global_step"] == 8
+
+
+def test_a_stop_is_possible_though_every_step_validates(tmp_path, frames):
+    steps = "trainer.max_steps=6", "trainer.val_check_interval=1"
+    with pytest.raises(TrainingInterrupted, match="stopped at step 2"):
+        run_it(tmp_path / "run", frames, *steps, halt=target(StopAt, step=2))
+    run_it(tmp_path / "run", frames, *steps, "ckpt_path=last")
+    assert sorted({step for step, _ in scalars(tmp_path / "run")["val/succinctness_auc"]}) == list(range(6))
+
+
+def test_a_finished_run_can_be_made_longer(whole, tmp_path, frames):
+    checkpoint = whole[0] / "checkpoints" / "last.ckpt"
+    run_it(tmp_path / "run", frames, "trainer.max_steps=11", f"ckpt_path={checkpoint}", "optim.scheduler=null")
+    assert torch.load(tmp_path / "run" / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == 11
+
+
+def test_accumulated_gradients_resume_exactly(tmp_path, frames):
+    steps = "trainer.max_steps=4", "+trainer.accumulate_grad_batches=2", "trainer.val_check_interval=4"
+    run_it(tmp_path / "one", frames, *steps)
+    with pytest.raises(TrainingInterrupted):
+        run_it(tmp_path / "two", frames, *steps, halt=target(StopAt, step=2))
+    run_it(tmp_path / "two", frames, *steps, "ckpt_path=last")
+    assert_equal_weights(tmp_path / "one", tmp_path / "two")
+
+
+def test_a_finished_run_has_nothing_to_resume(whole, tmp_path, frames):
+    checkpoint = whole[0] / "checkpoints" / "last.ckpt"
+    run_it(tmp_path / "run", frames, "trainer.max_steps=8", "trainer.val_check_interval=3", f"ckpt_path={checkpoint}")
+
+
+def test_the_loss_falls(tmp_path, frames):
+    run = tmp_path / "run"
+    steps = "trainer.max_steps=60", "trainer.val_check_interval=60", "trainer.log_every_n_steps=1"
+    run_it(run, frames, *steps, "optim.optimizer.lr=0.003", "optim.scheduler=null")
+    losses = [value for _, value in scalars(run)["train/loss"]]
+    assert len(losses) == 60
+    assert np.mean(losses[-15:]) < np.mean(losses[:15])
+
+
+@pytest.mark.parametrize("of_weights", [False, True])
+def test_a_loss_that_is_not_finite_stops_the_run(tmp_path, frames, of_weights):
+    run = tmp_path / "run"
+    steps = "trainer.max_steps=8", "trainer.val_check_interval=3"
+    with pytest.raises(BadInputError) as caught:
+        run_it(run, frames, *steps, poison=target(Poison, step=4, weights=of_weights))
+    assert "nan" in str(caught.value) or "not finite" in str(caught.value)
+    assert all(torch.isfinite(w).all() for w in weights(run).values())
+    if not of_weights:
+        batch = torch.load(run / "nonfinite_batch.pt", weights_only=True)
+        assert str(run / "nonfinite_batch.pt") in str(caught.value)
+        assert torch.isnan(batch["image0"]).all()
+        assert batch["reason0"].shape == batch["row0"].shape == batch["score0"].shape
+
+
+def test_images_smaller_than_the_receptive_field(tmp_path):
+    # 21 pixels are seen by a network of depth 10
+    frames = write_frames(tmp_path / "tiny", flight(14, step=(0.4, 0.2), size=(20, 18)).frames)
+    auc = run_it(tmp_path / "run", frames, "model.depth=10", "datamodule.overlap=0.1")
+    assert np.isfinite(auc)
+
+
+def test_sequences_of_different_sizes(tmp_path):
+    for i, size in enumerate([(128, 96), (101, 75)]):
+        write_frames(tmp_path / "many" / f"part{i}", flight(14, size=size, seed=i).frames)
+    assert np.isfinite(run_it(tmp_path / "run", tmp_path / "many", "trainer.max_steps=6"))
+
+
+def test_a_validation_interval_longer_than_the_run(tmp_path, frames):
+    assert np.isfinite(run_it(tmp_path / "run", frames, "trainer.max_steps=2", "trainer.val_check_interval=500"))
+
+
+def touch(path: Path, age: float) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(b"")
+    os.utime(path, (1e9 - age, 1e9 - age))
+    return path
+
+
+def test_last_is_that_of_the_run_folder_or_else_the_newest(tmp_path, capsys):
+    run, outputs = tmp_path / "run", tmp_path / "outputs"
+    assert resume_path(None, str(run), str(outputs)) is None
+    with pytest.raises(BadInputError, match=r"there is no last\.ckpt in .*outputs: train first"):
+        resume_path("last", str(run), str(outputs))
+    with pytest.raises(BadInputError, match=r"there is no checkpoint .*gone\.ckpt to go on from"):
+        resume_path(str(tmp_path / "gone.ckpt"), str(run), str(outputs))
+    old = touch(outputs / "train/a/checkpoints/last.ckpt", 100)
+    new = touch(outputs / "sweep/b/0/checkpoints/last.ckpt", 10)
+    assert resume_path("last", str(run), str(outputs)) == str(new)
+    assert resume_path(str(old), str(run), str(outputs)) == str(old)
+    own = touch(run / "checkpoints/last.ckpt", 1000)
+    assert resume_path("last", str(run), str(outputs)) == str(own)
+    assert f"going on from {own}" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_killed_loading_worker_ends_the_run(tmp_path, frames):
+    from sips_lit.cli.app import explain
+
+    with pytest.raises(RuntimeError) as caught:
+        run_it(
+            tmp_path / "run", frames, "trainer.max_steps=500", "datamodule.loading_workers=2", kill=target(KillWorker)
+        )
+    assert "loading worker was killed" in explain(caught.value)
