@@ -1,0 +1,151 @@
+import os
+import signal
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from sips_lit.callbacks.guard import GracefulStop, NonFiniteGuard
+from sips_lit.callbacks.last_validation import LastValidation
+from sips_lit.detect.selection import SelectedPoints
+from sips_lit.errors import BadInputError, TrainingInterrupted
+from sips_lit.train.labelling import PointLabels
+from sips_lit.train.loader import LabelledPair
+from sips_lit.types import Keypoints
+
+
+class Trainer(SimpleNamespace):
+    """What the callbacks ask of a trainer; remembers what it saved."""
+
+    def __init__(self, **options) -> None:
+        defaults = {"global_step": 7, "max_steps": 100, "accumulate_grad_batches": 1, "should_stop": False}
+        super().__init__(**{**defaults, "val_check_batch": 10, "saved": [], **options})
+
+    def save_checkpoint(self, path) -> None:
+        self.saved.append(path)
+
+
+def labelled(n: int) -> LabelledPair:
+    places = np.arange(n)
+    points = SelectedPoints(
+        Keypoints(np.ones((n, 2), np.float32), np.linspace(1, 0, n, dtype=np.float32), np.ones(n, np.float32)),
+        np.zeros(n, np.int64),
+        places,
+        places + 1,
+    )
+    labels = PointLabels(np.ones(n, bool), np.ones(n, bool), np.zeros(n, np.uint8))
+    image = torch.full((1, 1, 6, 8), 5.0)
+    return LabelledPair(image, image + 1, points, points, labels, labels, 0, "city:3-9")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+@pytest.mark.parametrize("n", [4, 0])
+def test_a_loss_that_is_not_finite_saves_its_batch(tmp_path, value, n):
+    guard = NonFiniteGuard(tmp_path / "new")
+    guard.on_train_batch_start(Trainer(), None, labelled(n), 0)
+    with pytest.raises(BadInputError, match=r"loss became -?(nan|inf) at step 7: .*nonfinite_batch\.pt; lower optim"):
+        guard.on_before_backward(Trainer(), None, torch.tensor(value, requires_grad=True))
+    batch = torch.load(tmp_path / "new" / "nonfinite_batch.pt", weights_only=True)
+    assert batch["name"] == "city:3-9"
+    assert torch.equal(batch["image1"], torch.full((1, 1, 6, 8), 6.0))
+    assert torch.equal(batch["column1"], torch.arange(n) + 1)
+    assert batch["xy0"].shape == (n, 2)
+    for name in ("score", "scale", "row", "inlier", "known", "reason"):
+        assert batch[f"{name}0"].shape == batch[f"{name}1"].shape == (n,)
+
+
+def test_a_finite_loss_passes(tmp_path):
+    guard = NonFiniteGuard(tmp_path)
+    guard.on_train_batch_start(Trainer(), None, labelled(2), 0)
+    guard.on_before_backward(Trainer(), None, torch.tensor(1e30))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def stop(tmp_path):
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    callback = GracefulStop(tmp_path / "last.ckpt")
+    callback.on_fit_start(Trainer(), None)
+    yield callback
+    signal.signal(signal.SIGINT, before[0])
+    signal.signal(signal.SIGTERM, before[1])
+
+
+def batch_end(stop, trainer, batch_idx):
+    stop.on_train_batch_end(trainer, None, None, None, batch_idx)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_finishes_the_step_then_saves_and_stops(stop, tmp_path, number):
+    trainer = Trainer()
+    batch_end(stop, trainer, 5)
+    os.kill(os.getpid(), number)
+    with pytest.raises(TrainingInterrupted, match=r"stopped at step 7 and saved .*last\.ckpt"):
+        batch_end(stop, trainer, 6)
+    assert trainer.saved == [tmp_path / "last.ckpt"]
+
+
+def test_the_second_signal_stops_at_once(stop):
+    os.kill(os.getpid(), signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_a_step_of_several_pairs_is_finished(stop):
+    trainer = Trainer(accumulate_grad_batches=3)
+    stop.requested = True
+    batch_end(stop, trainer, 3)
+    batch_end(stop, trainer, 4)
+    assert trainer.saved == []
+    with pytest.raises(TrainingInterrupted):
+        batch_end(stop, trainer, 5)
+
+
+def test_a_validation_that_is_due_comes_first(stop):
+    trainer = Trainer()
+    stop.requested = True
+    batch_end(stop, trainer, 9)
+    assert trainer.saved == []
+    stop.on_validation_end(trainer, None)
+    assert len(trainer.saved) == 1
+    with pytest.raises(TrainingInterrupted):
+        stop.on_train_batch_start(trainer, None, None, 10)
+    assert len(trainer.saved) == 1  # the stream of pairs has moved on by now: too late to save
+
+
+def test_nobody_asked_to_stop(stop):
+    trainer = Trainer()
+    for batch in range(20):
+        stop.on_train_batch_start(trainer, None, None, batch)
+        batch_end(stop, trainer, batch)
+    stop.on_validation_end(trainer, None)
+    assert trainer.saved == []
+
+
+@pytest.mark.parametrize("how", ["teardown", "on_exception"])
+def test_the_signals_are_given_back(stop, how):
+    ours = signal.getsignal(signal.SIGINT)
+    if how == "teardown":
+        stop.teardown(Trainer(), None, "fit")
+    else:
+        stop.on_exception(Trainer(), None, RuntimeError())
+    assert signal.getsignal(signal.SIGINT) != ours
+    handler = signal.getsignal(signal.SIGINT)
+    stop.teardown(Trainer(), None, "fit")
+    assert signal.getsignal(signal.SIGINT) == handler
+
+
+def test_a_new_fit_forgets_an_old_request(stop):
+    stop.requested = True
+    stop.on_fit_start(Trainer(), None)
+    trainer = Trainer()
+    batch_end(stop, trainer, 0)
+    assert trainer.saved == []
+
+
+@pytest.mark.parametrize(("step", "stops"), [(3, False), (4, True)])
+def test_the_last_step_asks_for_a_validation(step, stops):
+    trainer = Trainer(global_step=step, max_steps=4)
+    LastValidation().on_train_batch_end(trainer, None, None, None, step - 1)
+    assert trainer.should_stop is stops
