@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -32,7 +33,9 @@ def table(evaluations: Sequence[Evaluation]) -> str:
         for e in sorted(evaluations, key=lambda e: -e.succinctness.auc)
     ]
     headers = ["detector", "n at 80 %", "median n", f"AUC-{first.n_max}", f"failures of {first.pairs}", "ECE"]
-    return str(tabulate(rows, headers=headers, tablefmt="pipe"))
+    alignment = ("left", *["right"] * (len(headers) - 1))
+    # numbers are texts: tabulate would cut their trailing zeros
+    return str(tabulate(rows, headers=headers, tablefmt="pipe", disable_numparse=True, colalign=alignment))
 
 
 def protocol_line(evaluation: Evaluation) -> str:
@@ -77,7 +80,11 @@ def as_plain(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _plain(record: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        key: [None if np.isnan(v) else v for v in value.tolist()] if isinstance(value, np.ndarray) else value
-        for key, value in record.items()
-    }
+    return {key: _defined(value.tolist() if isinstance(value, np.ndarray) else value) for key, value in record.items()}
+
+
+def _defined(value: Any) -> Any:
+    """JSON has no NaN: null instead."""
+    if isinstance(value, list):
+        return [_defined(v) for v in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
