@@ -89,9 +89,9 @@ class VirtualFlight(ImageSequence):
         self._to_ray = np.linalg.inv(
             np.array([[self._focal, 0, (width - 1) / 2], [0, self._focal, (height - 1) / 2], [0, 0, 1]])
         )
-        self._path = random_path(np.random.default_rng([seed, flight, *name.encode()]))
-        slow_down = min(1.0, LARGEST_MOTION * width / max(self._fastest_motion(), 1e-9))
-        self._path = replace(self._path, frequency=self._path.frequency * slow_down)
+        path = random_path(np.random.default_rng([seed, flight, *name.encode()]))
+        slow_down = min(1.0, LARGEST_MOTION * width / max(self._fastest_motion(path), 1e-9))
+        self._to_still = self._along(replace(path, frequency=path.frequency * slow_down))
 
     def __len__(self) -> int:
         return self.length
@@ -99,29 +99,35 @@ class VirtualFlight(ImageSequence):
     def frame(self, index: int) -> GreyImage:
         """Frame ``index``, rendered by one warp."""
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        warped = cv2.warpPerspective(
-            self.still, self._to_still(index), self.size, flags=flags, borderMode=cv2.BORDER_REFLECT_101
-        )
+        to_still = self._to_still[self._checked(index)]
+        warped = cv2.warpPerspective(self.still, to_still, self.size, flags=flags, borderMode=cv2.BORDER_REFLECT_101)
         return np.asarray(warped, np.uint8)
 
     def homography(self, index0: int, index1: int) -> FloatArray:
         """(3, 3) float64 from pixels of one frame to pixels of another, exact, with H[2, 2] = 1."""
-        H: FloatArray = np.linalg.solve(self._to_still(index1), self._to_still(index0))
+        H: FloatArray = np.linalg.solve(self._to_still[self._checked(index1)], self._to_still[self._checked(index0)])
         return np.asarray(H / H[2, 2], np.float64)
 
-    def _fastest_motion(self) -> float:
+    def _checked(self, index: int) -> int:
+        if not 0 <= index < self.length:
+            raise IndexError(f"frame {index} of {self.length}")
+        return index
+
+    def _fastest_motion(self, path: Path6D) -> float:
         """The furthest that a corner of the image moves in one frame (pixels)."""
         width, height = self.size
         corners = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], np.float64)
-        to_still = [self._to_still(index) for index in range(self.length)]
-        steps = [apply_homography(np.linalg.solve(b, a), corners) - corners for a, b in itertools.pairwise(to_still)]
+        to_next = [np.linalg.solve(later, earlier) for earlier, later in itertools.pairwise(self._along(path))]
+        steps = [apply_homography(H, corners) - corners for H in to_next]
         return float(np.linalg.norm(steps, axis=2).max()) if steps else 0.0
 
-    def _to_still(self, index: int) -> NDArray[np.float64]:
-        """Homography (3, 3) from pixels of a frame to pixels of the photograph."""
-        if not 0 <= index < self.length:
-            raise IndexError(f"frame {index} of {self.length}")
-        x, y, z, roll, tilt_x, tilt_y = self._path.at(index)
+    def _along(self, path: Path6D) -> NDArray[np.float64]:
+        """For every frame the homography (length, 3, 3) from its pixels to pixels of the photograph."""
+        return np.stack([self._map(path.at(index)) for index in range(self.length)])
+
+    def _map(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Homography (3, 3) from pixels of a frame to pixels of the photograph, for the six coordinates of the camera."""
+        x, y, z, roll, tilt_x, tilt_y = coordinates
         view = float(np.exp(self._log_height[0] + z * self._log_height[1]))  # pixels of the photograph across the view
         height, width = self.still.shape
         reach_x, reach_y = (max(0.25 * view, (side - view) / 2) for side in (width, height))
