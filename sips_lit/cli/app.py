@@ -21,6 +21,8 @@ from sips_lit.errors import BadInputError, TrainingInterrupted
 PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
 INTERRUPTED = 130
+# what a constructor raises for values that it can't take; by name, since not every command loads Lightning
+REFUSED = ("TypeError", "ValueError", "MisconfigurationException")
 _LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
 
 
@@ -34,6 +36,7 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     register_resolvers()
 
     def command(config: DictConfig) -> Any:
+        register_resolvers()  # a launcher may have started another process
         try:
             return task(config)
         except KeyboardInterrupt:
@@ -92,6 +95,9 @@ def explain(error: BaseException, missing: Collection[str] = ()) -> str | None:
         if isinstance(cause, MissingMandatoryValue | InterpolationToMissingValueError):
             key = _missing_key(str(cause), str(cause.full_key or ""), missing)
             return f"{key} is not set: add {key}=... to the command"
+        if isinstance(cause, InstantiationException) and type(cause.__cause__).__name__ in REFUSED:
+            where = re.search(r"full_key: (\S+)", str(cause))
+            return f"{where[1] if where else 'the configuration'} can't be made: {cause.__cause__}"
         if isinstance(cause, RuntimeError) and _LOST_WORKER.search(str(cause)):
             return (
                 "a loading worker was killed (for want of memory?): try datamodule.loading_workers=0, or smaller images"

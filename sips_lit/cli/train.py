@@ -10,6 +10,8 @@ from omegaconf import DictConfig
 
 from sips_lit.cli.app import build, run
 from sips_lit.cli.compare import compare
+from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.module import SipsModule
@@ -19,14 +21,16 @@ def train(config: DictConfig) -> float:
     """One run. Returns the best validation succinctness AUC, which is what a sweep maximises."""
     cv2.setNumThreads(1)  # the labelling threads share the cores with the network
     L.seed_everything(config.seed, workers=True, verbose=False)
-    # at least one validation, however short the run
-    config.trainer.val_check_interval = min(config.trainer.val_check_interval, config.trainer.max_steps)
+    require_steps(config.trainer)
     data: PairDataModule = build(config.datamodule)
     module: SipsModule = build(config.module)
+    ckpt_path = resume_path(config.ckpt_path, config.paths.run, config.paths.outputs)
+    if ckpt_path is not None:
+        require_same_network(ckpt_path, module.network)
     callbacks = list(build(config.callbacks).values())
     trainer: L.Trainer = build(config.trainer, callbacks=callbacks, logger=build(config.logger))
     print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
-    trainer.fit(module, data, ckpt_path=resume_path(config.ckpt_path, config.paths.run, config.paths.outputs))
+    trainer.fit(module, data, ckpt_path=ckpt_path)
     best, auc = _best(trainer)
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
@@ -54,6 +58,27 @@ def resume_path(ckpt_path: str | None, run_folder: str, outputs: str) -> str | N
         )
     print(f"going on from {found[-1]}", flush=True)
     return str(found[-1])
+
+
+def require_steps(trainer: DictConfig) -> None:
+    """Raises BadInputError unless training and validation are counted in steps; at least the last one validates."""
+    for key in ("max_steps", "val_check_interval"):
+        if not isinstance(trainer[key], int) or trainer[key] < 1:
+            raise BadInputError(f"trainer.{key} is {trainer[key]}: set it to a number of steps, 1 or more")
+    trainer.val_check_interval = min(trainer.val_check_interval, trainer.max_steps)
+
+
+def require_same_network(checkpoint: str, network: ScoreNetwork) -> None:
+    """Raises BadInputError when a checkpoint can't be read, or is not of a network like this."""
+    if Path(checkpoint).suffix == ".safetensors":
+        raise BadInputError(f"{checkpoint} holds weights only: ckpt_path must be the .ckpt file of a run")
+    stored, _ = load_checkpoint(checkpoint)
+    different = [key for key, value in network.config.items() if stored.config[key] != value]
+    if different:
+        settings = " ".join(f"model.{key}={stored.config[key]}" for key in different)
+        raise BadInputError(
+            f"{checkpoint} holds another network than this run's model: give {settings} to go on from it"
+        )
 
 
 def _best(trainer: L.Trainer) -> tuple[Path, float]:

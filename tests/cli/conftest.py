@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import pytest
 import torch
-from cli_runs import ROOT, Command, Result, write_frames
+from cli_runs import ROOT, Command, Process, Result, write_frames
 from textured_scenes import flight
 
 from sips_lit.detect.score_network import ScoreNetwork
@@ -82,25 +82,26 @@ def command(folders, monkeypatch, capsys) -> Command:
 @pytest.fixture
 def process(folders):
     """Starts ``python -m sips_lit.cli.<name>`` in a process group of its own; ends it with the test."""
-    started: list[subprocess.Popen[str]] = []
+    started: list[Process] = []
 
-    def start(name: str, *arguments: str) -> subprocess.Popen[str]:
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
-        started.append(
-            subprocess.Popen(
+    def start(name: str, *arguments: str) -> Process:
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1"}
+        log = folders / f"process{len(started)}.log"
+        with log.open("w") as handle:
+            child = Process(
                 [sys.executable, "-m", f"sips_lit.cli.{name}", *map(str, arguments)],
                 cwd=folders,
                 env=environment,
-                stdout=subprocess.PIPE,
+                stdout=handle,
                 stderr=subprocess.STDOUT,
-                text=True,
                 start_new_session=True,
             )
-        )
-        return started[-1]
+        child.log = log
+        started.append(child)
+        return child
 
     yield start
     for child in started:
         if child.poll() is None:
             os.killpg(child.pid, signal.SIGKILL)
-        child.communicate()
+        child.wait()

@@ -1,6 +1,7 @@
 import errno
 
 import pytest
+from hydra.errors import InstantiationException
 from omegaconf import OmegaConf
 
 from sips_lit.cli.app import CONF_DIR, build, explain, fast_precision, keys_not_set, register_resolvers, run
@@ -70,6 +71,18 @@ def test_a_missing_key_is_named_as_the_user_sets_it():
 def test_keys_that_are_not_set():
     config = {"a": "???", "b": {"c": "${a}", "d": "???", "e": [1]}, "f": None}
     assert keys_not_set(OmegaConf.create(config)) == ["a", "b.d"]
+
+
+def test_values_that_a_constructor_refuses():
+    config = OmegaConf.create({"model": {"_target_": "sips_lit.detect.score_network.ScoreNetwork", "width": 3}})
+    with pytest.raises(InstantiationException) as caught:
+        build(config.model)
+    assert explain(caught.value).startswith("model can't be made: a score network needs")
+    # a defect inside of a constructor is not the user's
+    broken = OmegaConf.create({"model": {"_target_": "operator.truediv", "_args_": [1, 0]}})
+    with pytest.raises(InstantiationException) as caught:
+        build(broken.model)
+    assert explain(caught.value) is None
 
 
 def test_build_passes_plain_containers_and_extras():

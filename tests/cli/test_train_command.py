@@ -1,0 +1,256 @@
+"""What a user sees of sips-train: interrupts, bad input, sweeps, resuming."""
+
+import errno
+import os
+import re
+import signal
+import time
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from cli_runs import TINY, Process, write_frames
+from textured_scenes import flight, texture
+
+
+def given(frames, *more: str) -> list[str]:
+    return [*TINY, "data=folder", f"data.path={frames}", *more]
+
+
+def read_until(child: Process, text: str, seconds: float = 60) -> str:
+    """Output of a process up to the first occurrence of a text."""
+    end = time.monotonic() + seconds
+    while text not in (seen := child.log.read_text()):
+        assert time.monotonic() < end, seen
+        assert child.poll() is None, seen
+        time.sleep(0.02)
+    return seen
+
+
+def ended(child: Process, seconds: float = 30) -> tuple[int, str]:
+    code = child.wait(timeout=seconds)
+    return code, child.log.read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("own_folder", [True, False])
+def test_ctrl_c_saves_and_a_second_run_goes_on(process, command, frames, folders, own_folder):
+    run = f"hydra.run.dir={folders}/outputs/run"
+    steps = "trainer.max_steps=5000", "trainer.val_check_interval=5000", "datamodule.loading_workers=1"
+    child = process("train", *given(frames, *steps, run))
+    read_until(child, "4/5000")
+    os.killpg(child.pid, signal.SIGINT)  # as a terminal does: to the workers, too
+    code, out = ended(child)
+    assert code == 130, out
+    assert "stopped at step" in out
+    assert "Traceback" not in out
+    last = folders / "outputs" / "run" / "checkpoints" / "last.ckpt"
+    step = torch.load(last, weights_only=True)["global_step"]
+    assert step >= 4
+    again = run if own_folder else f"hydra.run.dir={folders}/outputs/other"
+    result = command("train", *given(frames, f"trainer.max_steps={step + 2}", again, "ckpt_path=last"))
+    assert result.code == 0, result.err
+    assert f"going on from {last}" in result.out
+    folder = folders / "outputs" / ("run" if own_folder else "other")
+    assert torch.load(folder / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == step + 2
+
+
+@pytest.mark.slow
+def test_a_second_ctrl_c_stops_at_once(process, frames, folders):
+    # one step takes long here: the first signal would wait for it
+    slow = "trainer.max_steps=5000", "trainer.val_check_interval=5000", "trainer.accumulate_grad_batches=100000"
+    child = process("train", *given(frames, "+" + slow[2], *slow[:2], f"hydra.run.dir={folders}/run"))
+    read_until(child, "4/5000")
+    os.killpg(child.pid, signal.SIGINT)
+    read_until(child, "stopping after this step")
+    os.killpg(child.pid, signal.SIGINT)
+    code, out = ended(child, 15)
+    assert code == 130, out
+    assert "Traceback" not in out
+    assert not (folders / "run" / "checkpoints" / "last.ckpt").exists()
+
+
+def test_a_run_tells_what_it_wrote(command, frames, folders):
+    result = command("train", *given(frames, f"hydra.run.dir={folders}/run"))
+    assert result.code == 0, result.err
+    for text in (f"run folder: {folders}/run", "precision: 32-true", "best validation AUC", "best.ckpt", "tensorboard"):
+        assert text in result.out
+    digest = re.search(r"on 2 fixed pairs \((\w{8})\)", result.out)
+    assert digest is not None
+
+
+def test_no_data_named(command):
+    result = command("train")
+    assert result.code == 1
+    assert "data" in result.err
+    assert "Traceback" not in result.err
+
+
+def test_data_without_a_path(command):
+    assert command("train", "data=folder").sentence.startswith("data.path is not set: add data.path=...")
+    assert command("train", "data=video").sentence.startswith("data.path is not set: add data.path=...")
+
+
+@pytest.mark.parametrize(
+    "key", ["nonsense=1", "model.nonsense=1", "trainer.max_step=3", "datamodule.worker=1", "data=nonsense"]
+)
+def test_unknown_keys_are_refused_by_name(command, frames, key):
+    result = command("train", *given(frames, key))
+    assert result.code == 1
+    assert key.split("=")[0].split(".")[-1] in result.err or "nonsense" in result.err
+    assert "Traceback" not in result.err
+
+
+@pytest.mark.parametrize("steps", [0, -1])
+def test_training_is_counted_in_steps(command, frames, steps):
+    assert "trainer.max_steps" in command("train", *given(frames, f"trainer.max_steps={steps}")).sentence
+
+
+def test_impossible_values(command, frames):
+    for key, text in (
+        ("model.width=3", "width"),
+        ("model.depth=1", "depth"),
+        ("datamodule.val_fraction=2", "validation"),
+        ("k=60", "n_max"),
+        ("module.selector.nms_radius=-1", "nms_radius"),
+    ):
+        assert text in command("train", *given(frames, key)).sentence
+
+
+def test_an_empty_folder(command, tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert f"{tmp_path}/empty has no images" in command("train", *given(tmp_path / "empty")).sentence
+
+
+def test_a_missing_folder(command, tmp_path):
+    assert f"there is no folder {tmp_path}/gone" in command("train", *given(tmp_path / "gone")).sentence
+
+
+def test_one_frame(command, tmp_path):
+    assert "one image only" in command("train", *given(write_frames(tmp_path / "one", [texture(60, 80)]))).sentence
+
+
+def test_too_few_frames_to_validate(command, tmp_path):
+    few = write_frames(tmp_path / "few", flight(3).frames)
+    assert "too short to keep 30% of each for validation" in command("train", *given(few)).sentence
+
+
+@pytest.mark.parametrize("loading", [0, 1])
+def test_a_damaged_image_in_the_middle(command, tmp_path, loading):
+    folder = write_frames(tmp_path / "frames", flight(16, size=(96, 80)).frames)
+    assert command("index", "data=folder", f"data.path={folder}").code == 0
+    damaged = folder / "005.png"
+    damaged.write_bytes(damaged.read_bytes()[:200])
+    steps = f"datamodule.loading_workers={loading}", "trainer.max_steps=40", "trainer.val_check_interval=40"
+    sentence = command("train", *given(folder, *steps)).sentence
+    assert str(damaged) in sentence
+    assert "damaged" in sentence
+
+
+def test_frames_that_do_not_overlap(command, tmp_path):
+    cuts = write_frames(tmp_path / "cuts", [texture(80, 96, seed) for seed in range(16)])
+    assert "no two frames of cuts_0to11 overlap" in command("train", *given(cuts)).sentence
+
+
+def test_images_of_several_sizes_in_one_folder(command, tmp_path):
+    frames = flight(16, size=(96, 80)).frames
+    folder = write_frames(tmp_path / "mixed", [*frames[:7], cv2.resize(frames[7], (60, 50)), *frames[8:]])
+    sentence = command("train", *given(folder)).sentence
+    assert "007.png is 60x50" in sentence
+
+
+def test_other_files_beside_images(command, tmp_path):
+    folder = write_frames(tmp_path / "frames", flight(16, size=(96, 80)).frames)
+    (folder / "times.txt").write_text("0.1\n")
+    (folder / ".hidden.png").write_bytes(b"no image")
+    result = command("train", *given(folder))
+    assert result.code == 0, result.err
+
+
+def test_a_video_without_frames(command, tmp_path):
+    (tmp_path / "empty.mp4").write_bytes(b"")
+    result = command("train", *TINY, "data=video", f"data.path={tmp_path}/empty.mp4")
+    assert f"{tmp_path}/empty.mp4 has no frames" in result.sentence
+
+
+def test_validation_data_of_its_own(command, frames, tmp_path):
+    other = write_frames(tmp_path / "other", flight(8, size=(96, 80), seed=7).frames)
+    result = command("train", *given(frames, "data@val_data=folder", f"val_data.path={other}"))
+    assert result.code == 0, result.err
+
+
+def test_validation_data_without_a_path(command, frames):
+    assert command("train", *given(frames, "data@val_data=folder")).sentence.startswith("val_data.path is not set")
+
+
+def test_nothing_to_go_on_from(command, frames, tmp_path):
+    gone = command("train", *given(frames, f"ckpt_path={tmp_path}/gone.ckpt"))
+    assert f"there is no checkpoint {tmp_path}/gone.ckpt" in gone.sentence
+    assert "there is no last.ckpt" in command("train", *given(frames, "ckpt_path=last")).sentence
+
+
+def test_a_damaged_checkpoint_to_go_on_from(command, frames, tmp_path):
+    (tmp_path / "bad.ckpt").write_bytes(b"not a checkpoint")
+    assert f"{tmp_path}/bad.ckpt" in command("train", *given(frames, f"ckpt_path={tmp_path}/bad.ckpt")).sentence
+
+
+def test_a_checkpoint_of_another_network_to_go_on_from(command, frames, folders):
+    assert command("train", *given(frames, f"hydra.run.dir={folders}/outputs/a")).code == 0
+    other = "model.width=6", f"ckpt_path={folders}/outputs/a/checkpoints/last.ckpt", f"hydra.run.dir={folders}/b"
+    sentence = command("train", *given(frames, *other)).sentence
+    assert "last.ckpt holds another network" in sentence
+    assert "model.width=4" in sentence
+
+
+def test_exported_weights_to_go_on_from(command, frames, checkpoint):
+    assert "must be the .ckpt file of a run" in command("train", *given(frames, f"ckpt_path={checkpoint}")).sentence
+
+
+@pytest.mark.parametrize("interval", ["0", "0.5"])
+def test_validation_is_counted_in_steps(command, frames, interval):
+    result = command("train", *given(frames, f"trainer.val_check_interval={interval}"))
+    assert "trainer.val_check_interval" in result.sentence
+
+
+def test_a_full_disk(command, frames, monkeypatch):
+    def full(*_args, **_options):
+        raise OSError(errno.ENOSPC, "No space left on device", "/disk/last.ckpt")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(torch, "save", full)
+        assert "the disk is full" in command("train", *given(frames)).sentence
+
+
+def test_a_folder_that_cannot_be_written(command, frames, tmp_path):
+    (tmp_path / "file").write_text("")
+    sentence = command("train", *given(frames, f"paths.indexes={tmp_path}/file")).sentence
+    assert str(tmp_path / "file") in sentence
+
+
+def test_a_sweep_runs_its_jobs_in_folders_of_their_own(command, frames, folders):
+    result = command("train", "-m", *given(frames, "model.width=4,6", f"hydra.sweep.dir={folders}/sweep"))
+    assert result.code == 0, result.err
+    jobs = sorted(p.parents[1] for p in (folders / "sweep").rglob("best.ckpt"))
+    assert len(jobs) == 2
+    widths = [torch.load(j / "checkpoints" / "best.ckpt", weights_only=True)["hyper_parameters"] for j in jobs]
+    assert sorted(w["network"]["width"] for w in widths) == [4, 6]
+
+
+@pytest.mark.slow
+def test_a_sweep_side_by_side(process, frames, folders):
+    pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="needs the extra sweep")
+    options = (
+        "trainer.precision=${fast_precision:}",
+        "hydra/launcher=joblib",
+        "hydra.launcher.n_jobs=2",
+        f"hydra.sweep.dir={folders}/sweep",
+    )
+    code, out = ended(process("train", "-m", *given(frames, "model.width=4,6", *options)), 120)
+    assert code == 0, out
+    assert len(list((folders / "sweep").rglob("best.ckpt"))) == 2
+
+
+def test_the_pictures_of_a_grey_scene(command, tmp_path):
+    grey = write_frames(tmp_path / "grey", [np.full((60, 80), 90, np.uint8)] * 16)
+    assert "overlap" in command("train", *given(grey)).sentence
