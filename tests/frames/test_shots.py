@@ -44,8 +44,9 @@ def test_no_cut_in_a_slow_shot():
     assert find_cuts(scene(0, 12)) == []
 
 
-def test_no_cut_in_a_fast_pan():
-    assert find_cuts(scene(0, 8, (24, 5))) == []  # 1/13 of the width a frame
+@pytest.mark.parametrize("pixels", [24, 56])
+def test_no_cut_in_a_fast_pan(pixels: int):
+    assert find_cuts(scene(0, 6, (pixels, 5))) == []  # up to a sixth of the width a frame
 
 
 def test_no_cut_at_a_flash():

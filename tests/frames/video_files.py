@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
-from sips_lit.types import GreyImage
+from sips_lit.frames.video import video
+from sips_lit.types import GreyImage, ImageSequence
 
 
 def write_video(path: Path, frames: Sequence[GreyImage], codec: str = "MJPG") -> Path:
@@ -29,3 +31,13 @@ def decoded(path: Path) -> list[GreyImage]:
         if not got:
             return frames
         frames.append(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8))
+
+
+def frames_of(sequence: ImageSequence) -> list[GreyImage]:
+    return [sequence.frame(i) for i in range(len(sequence))]
+
+
+def one(path: Path, cache: Path, **parameters: Any) -> list[GreyImage]:
+    """The frames of a video that is one shot, by way of the cache."""
+    (shot,) = video(path, cache, **parameters)
+    return frames_of(shot)
