@@ -7,7 +7,7 @@ import logging
 import re
 import sys
 import warnings
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,7 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
             # what Lightning makes of a Ctrl-C during a fit
             sys.exit(INTERRUPTED if isinstance(stop.__context__, KeyboardInterrupt) else stop.code)
         except Exception as error:
-            sentence = explain(error, keys_not_set(config))
+            sentence = explain(error, config)
             if sentence is None:
                 raise
             print(f"error: {sentence}", file=sys.stderr)
@@ -83,17 +83,18 @@ def cpu_flags() -> str:
     return next((line for line in lines if line.startswith("flags")), "")
 
 
-def explain(error: BaseException, missing: Collection[str] = ()) -> str | None:
+def explain(error: BaseException, config: DictConfig | None = None) -> str | None:
     """One sentence if the error, or what caused it, is the user's to mend; None if it is a defect of the program.
 
-    ``missing`` are the keys of the configuration that are not set: an error may know one by where it is used only.
+    ``config`` tells where a value comes from that is not set: the error knows only where it is used.
     """
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, BadInputError | TrainingInterrupted):
             return str(cause)
         if isinstance(cause, MissingMandatoryValue | InterpolationToMissingValueError):
-            key = _missing_key(str(cause), str(cause.full_key or ""), missing)
+            named = re.search(r"Missing mandatory value: (\S+)", str(cause))
+            key = origin(named[1] if named else str(cause.full_key), config)
             return f"{key} is not set: add {key}=... to the command"
         if isinstance(cause, InstantiationException) and type(cause.__cause__).__name__ in REFUSED:
             where = re.search(r"full_key: (\S+)", str(cause))
@@ -108,21 +109,13 @@ def explain(error: BaseException, missing: Collection[str] = ()) -> str | None:
     return None
 
 
-def keys_not_set(config: DictConfig) -> list[str]:
-    """Keys whose value is ``???``, not those that only refer to one (`OmegaConf.missing_keys` fails there)."""
-
-    def search(node: Any, key: str) -> Iterator[str]:
-        if isinstance(node, dict):
-            for name, value in node.items():
-                yield from search(value, f"{key}.{name}" if key else str(name))
-        elif node == "???":
-            yield key
-
-    return list(search(OmegaConf.to_container(config, resolve=False), ""))
-
-
-def _missing_key(message: str, used_as: str, missing: Collection[str]) -> str:
-    """The key that the user has to set: the message names it, or where it ends up (``datamodule.data.path``)."""
-    named = re.search(r"Missing mandatory value: (\S+)|\$\{([^}]+)\}", message)
-    key = (named[1] or named[2]) if named else used_as
-    return min((k for k in missing if f".{key}".endswith(f".{k}")), default=key, key=len)
+def origin(key: str, config: DictConfig | None) -> str:
+    """The key that the user sets for ``key``: where its interpolations lead, ``datamodule.data.path`` to ``data.path``."""
+    node: Any = None if config is None else OmegaConf.to_container(config, resolve=False)
+    parts = key.split(".")
+    for count, part in enumerate(parts, start=1):
+        node = node.get(part) if isinstance(node, dict) else None
+        reference = re.fullmatch(r"\$\{([\w.]+)\}", node) if isinstance(node, str) else None
+        if reference:
+            return origin(".".join([reference[1], *parts[count:]]), config)
+    return key

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import numpy as np
@@ -13,6 +13,7 @@ import torch
 from tqdm import tqdm
 
 from sips_lit.detect.detector import SipsDetector
+from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import extract
 from sips_lit.evaluate.pairs import PairSet
 from sips_lit.evaluate.verification import Search, VerifiedPair, search_points_needed, verify
@@ -71,8 +72,12 @@ def evaluate(
 ) -> Evaluation:
     """Succinctness of a detector with a descriptor (None = its own) over a pair set, and calibration of probabilities.
 
-    Raises BadInputError for what the detector, the descriptor or the inlier check can't do.
+    Raises BadInputError for what the detector, the descriptor or the inlier check can't do, and for impossible numbers.
     """
+    if search not in get_args(Search):
+        raise BadInputError(f"search is {search}: give {' or '.join(get_args(Search))}")
+    if not 1 <= k < n_max:
+        raise BadInputError(f"k is {k} and n_max is {n_max}: ask for at least one inlier, within more points than that")
     name = name or detector.name + ("" if descriptor is None else f" + {descriptor.name}")
     features_of = FeatureCache(detector, descriptor, n_max)
     succinctness, calibration, rows = Succinctness(k, n_max), Calibration(), []

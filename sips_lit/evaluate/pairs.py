@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources
 from sips_lit.tracking.build import build_indexes
 from sips_lit.tracking.overlap import OverlapParameters
@@ -45,6 +46,8 @@ def draw_pairs(
 
     Raises BadInputError when no pair reaches the overlap, or a frame can't be read.
     """
+    if pairs < 1:
+        raise BadInputError(f"pairs is {pairs}: evaluate on at least one")
     sources = as_sources(data)
     sequences = [sequence for source in sources for sequence in source.sequences]
     indexes = build_indexes(sequences, index_folder, overlap_parameters or OverlapParameters(), workers)

@@ -3,8 +3,9 @@ import errno
 import pytest
 from hydra.errors import InstantiationException
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
-from sips_lit.cli.app import CONF_DIR, build, explain, fast_precision, keys_not_set, register_resolvers, run
+from sips_lit.cli.app import CONF_DIR, build, explain, fast_precision, origin, register_resolvers, run
 from sips_lit.errors import BadInputError, TrainingInterrupted
 
 
@@ -49,28 +50,33 @@ def test_a_killed_worker(text):
 def missing(config: dict, key: str) -> str:
     """What is said of a value that is not set when it is used as ``key``."""
     node = OmegaConf.create(config)
-    try:
+    with pytest.raises(OmegaConfBaseException) as caught:
         OmegaConf.select(node, key, throw_on_missing=True)
-    except Exception as error:
-        return explain(error, keys_not_set(node))
-    raise AssertionError("nothing was missing")
+    return explain(caught.value, node)
 
 
 def test_a_missing_key_is_named_as_the_user_sets_it():
-    assert missing({"checkpoint": "???"}, "checkpoint").startswith("checkpoint is not set: add checkpoint=")
+    assert missing({"checkpoint": "???"}, "checkpoint") == "checkpoint is not set: add checkpoint=... to the command"
     nested = {"data": {"path": "???"}, "datamodule": {"data": "${data}"}}
     assert missing(nested, "data.path").startswith("data.path is not set")
     assert missing(nested, "datamodule.data.path").startswith("data.path is not set: add data.path=...")
-    lookalike = {"path": 1, "data": {"path": "???"}, "up": {"data": {"mypath": "???"}}}
-    assert missing(lookalike, "up.data.mypath").startswith("up.data.mypath is not set")
-    assert missing({"checkpoint": "???", "detector": {"path": "${checkpoint}"}}, "detector.path").startswith(
-        "checkpoint is not set"
-    )
+    used = {"checkpoint": "???", "detector": {"path": "${checkpoint}"}}
+    assert missing(used, "detector.path").startswith("checkpoint is not set")
 
 
-def test_keys_that_are_not_set():
-    config = {"a": "???", "b": {"c": "${a}", "d": "???", "e": [1]}, "f": None}
-    assert keys_not_set(OmegaConf.create(config)) == ["a", "b.d"]
+def test_a_missing_value_inside_of_a_part():
+    config = OmegaConf.create({"a": "???", "part": {"_target_": "builtins.dict", "x": "${a}"}})
+    with pytest.raises(OmegaConfBaseException) as caught:
+        build(config.part)
+    assert explain(caught.value, config).startswith("a is not set")
+
+
+def test_where_a_value_comes_from():
+    config = OmegaConf.create({"a": {"b": 1}, "c": "${a}", "d": {"e": "${c.b}", "f": "x ${a.b}", "g": [1]}})
+    for key, expected in (("a.b", "a.b"), ("c.b", "a.b"), ("d.e", "a.b"), ("d.f", "d.f"), ("d.g.0", "d.g.0")):
+        assert origin(key, config) == expected
+    assert origin("no.such.key", config) == "no.such.key"
+    assert origin("c.b", None) == "c.b"
 
 
 def test_values_that_a_constructor_refuses():

@@ -1,0 +1,166 @@
+"""Every YAML composes with the command that it is for, and what it describes can be made."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import cv2
+import pytest
+from cli_runs import ROOT
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
+from textured_scenes import texture
+
+from sips_lit.cli.app import CONF_DIR, build, register_resolvers
+
+GROUPS = {
+    "train": ["model", "inliers", "descriptor", "augment", "optim", "callbacks", "logger", "trainer", "paths"],
+    "evaluate": ["detector", "descriptor", "inliers", "paths"],
+    "index": ["paths"],
+}
+EXTRAS = {"descriptor/surf": "mahotas"}
+DEMO = {"demo", "demo_val", "released"}
+
+
+def names(group: str) -> list[str]:
+    return sorted(path.stem for path in (CONF_DIR / group).glob("*.yaml"))
+
+
+def composed(command: str, *overrides: str):
+    register_resolvers()
+    with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
+        return compose(command, list(overrides))
+
+
+def cases() -> list[tuple[str, str, str]]:
+    return [(command, group, name) for command, groups in GROUPS.items() for group in groups for name in names(group)]
+
+
+def test_every_group_is_covered():
+    groups = {path.name for path in CONF_DIR.iterdir() if path.is_dir()}
+    assert groups == {group for groups in GROUPS.values() for group in groups} | {"data", "experiment"}
+    commands = {path.stem for path in CONF_DIR.glob("*.yaml")}
+    assert commands == {*GROUPS, "detect", "export"}
+
+
+@pytest.mark.parametrize(("command", "group", "name"), cases(), ids=lambda part: str(part))
+def test_every_part_can_be_made(command, group, name, tmp_path, checkpoint):
+    extra = EXTRAS.get(f"{group}/{name}")
+    if extra is not None:
+        pytest.importorskip(extra, reason=f"{group}={name} needs an extra")
+    paths = f"paths.run={tmp_path}/run", f"paths.data={tmp_path}/data"
+    more = [f"checkpoint={checkpoint}"] if command == "evaluate" else []
+    config = composed(command, "data=folder", "data.path=x", *paths, *more, f"{group}={name}")
+    node = config[group]
+    if "_target_" in node:
+        made = build(node)
+        assert made is not None or (group, name) == ("descriptor", "own")
+    elif group == "paths":
+        assert all(OmegaConf.to_container(node, resolve=True).values())
+    else:
+        made = [build(part) for part in node.values() if part is not None]
+        assert made
+        assert None not in made
+
+
+def sources_of(name: str, tmp_path: Path) -> list[str]:
+    """Arguments that give a data configuration something to read."""
+    if name in ("folder", "virtual_flight"):
+        for i in range(3):
+            cv2.imwrite(str(tmp_path / f"{i}.png"), texture(200, 260, i))
+        return [f"data.path={tmp_path}"]
+    if name == "video":
+        path = tmp_path / "clip.avi"
+        writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, (96, 80))
+        for i in range(4):
+            writer.write(cv2.cvtColor(texture(80, 96)[:, :], cv2.COLOR_GRAY2BGR) // (1 + i // 3))
+        writer.release()
+        return [f"data.path={path}"]
+    return []
+
+
+@pytest.mark.parametrize("name", names("data"))
+@pytest.mark.parametrize("command", ["train", "evaluate", "index"])
+def test_every_data_set_composes(command, name):
+    config = composed(command, f"data={name}", "paths.run=x")
+    target = config.data._target_
+    assert target.startswith("sips_lit.frames.")
+    assert callable(instantiate({"_target_": target, "_partial_": True}))
+
+
+@pytest.mark.parametrize("name", sorted(set(names("data")) - DEMO))
+def test_every_data_set_opens(name, tmp_path):
+    config = composed(
+        "train", f"data={name}", "paths.run=x", f"paths.data={tmp_path}/data", *sources_of(name, tmp_path)
+    )
+    sequences = build(config.data)
+    assert sequences
+    assert sequences[0].frame(0).ndim == 2
+
+
+def test_validation_data_in_its_own_place():
+    config = composed("train", "data=folder", "data@val_data=video", "val_data.path=v.mp4", "paths.run=x")
+    assert config.val_data.path == "v.mp4"
+    assert config.val_data._target_ == "sips_lit.frames.video.video"
+    assert OmegaConf.is_missing(config.data, "path")
+
+
+@pytest.mark.parametrize("name", names("experiment"))
+def test_every_experiment_composes(name, tmp_path):
+    config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}")
+    OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    for entry in (config.compare or {}).get("detectors", {}).values():
+        build(entry.detector)
+        build(entry.descriptor)
+
+
+def test_every_target_is_ours_or_of_what_we_depend_on():
+    for path in CONF_DIR.rglob("*.yaml"):
+        for line in path.read_text().splitlines():
+            if "_target_:" in line:
+                target = line.split("_target_:")[1].strip().split("}")[0]
+                assert target.startswith(("sips_lit.", "lightning.", "torch.", "torchmetrics.")), (path, target)
+
+
+@pytest.mark.parametrize("name", ["index", "evaluate", "detect", "export"])
+def test_unknown_keys_are_refused(command, name):
+    result = command(name, "nonsense=1")
+    assert result.code == 1
+    assert "nonsense" in result.err
+    assert "Traceback" not in result.err
+
+
+@pytest.mark.slow
+def test_a_command_works_from_any_folder(tmp_path):
+    run = subprocess.run(
+        [sys.executable, "-m", "sips_lit.cli.train", "--cfg", "job", "data=folder", "data.path=x"],
+        cwd=tmp_path,
+        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+    assert "sips_lit.train.module.SipsModule" in run.stdout
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_the_configurations(tmp_path):
+    build_wheel = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(tmp_path), str(ROOT)]
+    run = subprocess.run(build_wheel, capture_output=True, text=True)
+    if run.returncode != 0 and "hatchling" in run.stderr:
+        pytest.skip("a wheel can't be built here: hatchling is not installed and can't be downloaded")
+    assert run.returncode == 0, run.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        held = set(archive.namelist())
+        archive.extractall(tmp_path / "installed")
+    for path in CONF_DIR.rglob("*.yaml"):
+        assert f"sips_lit/conf/{path.relative_to(CONF_DIR)}" in held
+    assert not any(name.startswith(("tests/", "conf/", "data/", "outputs/")) for name in held)
+    show = [sys.executable, "-m", "sips_lit.cli.index", "--cfg", "job", "data=folder", "data.path=x"]
+    environment = {"PATH": "/usr/bin:/bin", "PYTHONPATH": str(tmp_path / "installed")}
+    shown = subprocess.run(show, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert shown.returncode == 0, shown.stderr
+    assert "OverlapParameters" in shown.stdout
