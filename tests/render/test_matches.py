@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+from drawing_threads import in_threads
+from textured_scenes import keypoints
+
+from sips_lit.render.canvas import probability_colours
+from sips_lit.render.matches import COLOURS, draw_matches
+from sips_lit.render.points import RADIUS
+from sips_lit.types import Inliers, Keypoints, Matches, Reason
+
+GREY, GAP, REACH = 60, 6, int(RADIUS)
+WIDTH, HEIGHT = 120, 90
+LEFT1 = WIDTH + GAP
+
+
+def image(height: int = HEIGHT, width: int = WIDTH) -> np.ndarray:
+    return np.full((height, width), GREY, np.uint8)
+
+
+def judged(count0: int, count1: int, pairs: list[tuple[int, int, Reason]]) -> tuple[Matches, Inliers]:
+    """Matches with their reasons; the truth about all points is known."""
+    index0, index1, reason = (np.array(column, np.int64) for column in zip(*pairs, strict=True)) if pairs else [[]] * 3
+    matches = Matches(np.array(index0, np.int64), np.array(index1, np.int64))
+    reasons = np.array(reason, np.uint8)
+    known = np.ones(count0, bool), np.ones(count1, bool)
+    return matches, Inliers(reasons == Reason.INLIER, reasons, *known)
+
+
+def sure(xy: list[list[float]]) -> Keypoints:
+    return keypoints(xy, np.ones(len(xy)))
+
+
+# inlier, far, lost and unmatched, each in a row of its own
+POINTS0 = sure([[20, 15], [20, 35], [20, 55], [20, 75]])
+POINTS1 = sure([[90, 15], [90, 35], [90, 55], [90, 75]])
+MATCHES, INLIERS = judged(4, 4, [(0, 0, Reason.INLIER), (1, 1, Reason.FAR), (2, 2, Reason.LOST)])
+REASONS = [Reason.INLIER, Reason.FAR, Reason.LOST, Reason.UNMATCHED]
+
+
+def drawn(**maps: np.ndarray) -> np.ndarray:
+    return draw_matches(image(), image(), POINTS0, POINTS1, MATCHES, INLIERS, **maps)
+
+
+def test_both_images_side_by_side_and_a_caption():
+    picture = drawn()
+    assert picture.dtype == np.uint8
+    assert picture.shape == (HEIGHT + GAP + 35, 2 * WIDTH + GAP, 3)
+    assert np.all(picture[2, 2] == GREY)
+    assert np.all(picture[2, LEFT1 + 2] == GREY)
+    assert np.ptp(picture[HEIGHT + GAP :]) > 100  # there is text
+
+
+@pytest.mark.parametrize("row", range(4))
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_point_has_the_colour_of_its_reason(row, side):
+    picture = drawn()
+    x, y = (20, 15 + 20 * row) if side == 0 else (LEFT1 + 90, 15 + 20 * row)
+    # beside the point on the far side of the line
+    assert tuple(picture[y, x - REACH if side == 0 else x + REACH]) == COLOURS[REASONS[row]]
+
+
+def test_a_point_of_unknown_truth():
+    matches, inliers = judged(1, 1, [])
+    unknown = Inliers(inliers.inlier, inliers.reason, np.zeros(1, bool), np.ones(1, bool))
+    picture = draw_matches(image(), image(), sure([[30, 30]]), sure([[30, 30]]), matches, unknown)
+    assert tuple(picture[30, 30 + REACH]) == COLOURS[Reason.UNKNOWN]
+    assert tuple(picture[30, LEFT1 + 30 + REACH]) == COLOURS[Reason.UNMATCHED]
+
+
+def test_lines_join_inliers_only():
+    picture = drawn()
+    middle = picture[:HEIGHT, 60:80].astype(int)
+    assert np.all(middle[15] != GREY)
+    assert np.all(middle[15].argmax(axis=1) == 1)  # green
+    middle[13:18] = GREY
+    assert np.all(middle == GREY)
+    across_the_gap = picture[:HEIGHT, WIDTH : WIDTH + GAP]
+    assert set(np.flatnonzero(np.any(across_the_gap != across_the_gap[0, 0], axis=(1, 2)))) <= {14, 15, 16}
+
+
+def test_matches_join_the_points_that_they_name():
+    matches, inliers = judged(3, 3, [(2, 0, Reason.INLIER)])
+    points0, points1 = sure([[20, 10], [20, 30], [20, 80]]), sure([[90, 10], [90, 30], [90, 80]])
+    picture = draw_matches(image(), image(), points0, points1, matches, inliers).astype(int)
+    # from (20, 80) to (LEFT1 + 90, 10): halfway, at y = 45
+    x = (20 + LEFT1 + 90) // 2 - 8
+    y = round(80 - 70 * (x - 20) / (LEFT1 + 70))
+    assert np.any(picture[y - 1 : y + 2, x] != GREY)
+    assert np.all(picture[10, 40:100] == GREY)
+    assert tuple(picture[80, 20 - REACH]) == COLOURS[Reason.INLIER]
+    assert tuple(picture[10, 20 - REACH]) == COLOURS[Reason.UNMATCHED]
+
+
+def test_score_maps_lie_beneath():
+    low, high = np.full((HEIGHT, WIDTH), 0.1, np.float32), np.full((HEIGHT, WIDTH), 0.9, np.float32)
+    picture = drawn(score_map0=low, score_map1=high)
+    assert picture.shape[0] == 2 * (HEIGHT + GAP) + 35
+    top = HEIGHT + GAP
+    np.testing.assert_array_equal(picture[top + 2, 60], probability_colours(np.array(0.1)))
+    np.testing.assert_array_equal(picture[top + 2, LEFT1 + 60], probability_colours(np.array(0.9)))
+    assert tuple(picture[top + 15, 20 - REACH]) == COLOURS[Reason.INLIER]
+    np.testing.assert_array_equal(picture[top + 15, 70], probability_colours(np.array(0.1)))  # no line here
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+def test_one_score_map_alone(missing):
+    scores = np.full((HEIGHT, WIDTH), 0.5, np.float32)
+    picture = drawn(**{f"score_map{1 - missing}": scores})
+    there, away = (LEFT1 + 60, 60) if missing == 0 else (60, LEFT1 + 60)
+    np.testing.assert_array_equal(picture[HEIGHT + GAP + 2, there], probability_colours(np.array(0.5)))
+    assert picture[HEIGHT + GAP + 2, away].max() < 40
+
+
+def test_images_of_different_sizes():
+    matches, inliers = judged(1, 1, [(0, 0, Reason.INLIER)])
+    scores0, scores1 = np.zeros((50, 200)), np.ones((110, 70))
+    picture = draw_matches(
+        image(50, 200), image(110, 70), sure([[100, 25]]), sure([[35, 100]]), matches, inliers, scores0, scores1
+    )
+    assert picture.shape == (2 * (110 + GAP) + 35, 200 + GAP + 70, 3)
+    assert np.all(picture[49, 199] == GREY)
+    assert np.all(picture[80, 100] < GREY)  # beneath the smaller image
+    assert tuple(picture[100, 206 + 35 + REACH]) == COLOURS[Reason.INLIER]
+
+
+def test_nothing_to_draw():
+    matches, inliers = judged(0, 0, [])
+    picture = draw_matches(image(), image(), Keypoints.empty(), Keypoints.empty(), matches, inliers)
+    assert np.all(picture[:HEIGHT, :WIDTH] == GREY)
+    assert np.all(picture[:HEIGHT, LEFT1:] == GREY)
+
+
+def test_points_without_matches_and_in_one_image_only():
+    matches, inliers = judged(2, 0, [])
+    picture = draw_matches(image(), image(), sure([[30, 30], [80, 60]]), Keypoints.empty(), matches, inliers)
+    assert tuple(picture[30, 30 + REACH]) == COLOURS[Reason.UNMATCHED]
+    assert np.all(picture[:HEIGHT, LEFT1:] == GREY)
+
+
+def test_images_of_one_pixel_and_points_on_the_border():
+    matches, inliers = judged(2, 2, [(0, 0, Reason.INLIER), (1, 1, Reason.FAR)])
+    points = sure([[0, 0], [-3, 500]])
+    picture = draw_matches(image(1, 1), image(1, 1), points, points, matches, inliers, np.zeros((1, 1)))
+    assert picture.shape == (2 * (1 + GAP) + 35, 2 + GAP, 3)
+
+
+def test_inputs_stay_as_they_are_and_threads_draw_the_same():
+    grey = image()
+    expected = drawn()
+    for picture in in_threads(lambda: draw_matches(grey, grey, POINTS0, POINTS1, MATCHES, INLIERS)):
+        np.testing.assert_array_equal(picture, expected)
+    assert np.all(grey == GREY)
