@@ -133,20 +133,7 @@ def test_unknown_keys_are_refused(command, name):
 
 
 @pytest.mark.slow
-def test_a_command_works_from_any_folder(tmp_path):
-    run = subprocess.run(
-        [sys.executable, "-m", "sips_lit.cli.train", "--cfg", "job", "data=folder", "data.path=x"],
-        cwd=tmp_path,
-        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-    )
-    assert run.returncode == 0, run.stderr
-    assert "sips_lit.train.module.SipsModule" in run.stdout
-
-
-@pytest.mark.slow
-def test_the_wheel_holds_the_configurations(tmp_path):
+def test_a_wheel_holds_the_configurations_and_works_from_any_folder(tmp_path):
     build_wheel = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(tmp_path), str(ROOT)]
     run = subprocess.run(build_wheel, capture_output=True, text=True)
     if run.returncode != 0 and "hatchling" in run.stderr:
