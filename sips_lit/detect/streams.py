@@ -81,7 +81,8 @@ class ImageStream(FrameStream):
 
 
 def _read_colour(path: Path) -> NDArray[np.uint8]:
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    # like read_grey without the orientation tag, or the points would be drawn elsewhere
+    picture = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if picture is None:
         raise BadInputError(f"{path} cannot be read in colour: leave out the overlay (format=[npz,csv])")
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
