@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import cv2
 import numpy as np
@@ -16,6 +16,9 @@ from sips_lit.detect.selection import PointSelector, image_tensor
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey
 from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
+
+# modes of PIL images whose bytes are indices of a palette, inks and the like
+PIL_NEITHER_GREY_NOR_RGB: Final = frozenset({"P", "PA", "LA", "CMYK", "YCbCr", "HSV"})
 
 
 class SipsDetector:
@@ -76,10 +79,13 @@ def as_grey(image: Any) -> GreyImage:
     if isinstance(image, str | Path):
         return read_grey(Path(image))
     if isinstance(image, Tensor):
-        array = image.detach().cpu().numpy()
+        values = image.detach().cpu()
+        array = (values.float() if values.is_floating_point() else values).numpy()  # NumPy has no bfloat16
         array = array[0] if array.ndim == 3 and array.shape[0] == 1 else array
         array = np.moveaxis(array, 0, -1) if array.ndim == 3 else array
     else:
+        if getattr(image, "mode", None) in PIL_NEITHER_GREY_NOR_RGB:
+            image = image.convert("RGB")
         array = np.asarray(image)
     if array.ndim == 3 and array.shape[2] in (1, 3, 4):
         array = array[..., 0] if array.shape[2] == 1 else array[..., :3]
@@ -101,5 +107,5 @@ def as_grey(image: Any) -> GreyImage:
         raise BadInputError(f"an image must be uint8, uint16 or float in [0, 1], not {array.dtype}")
     if array.ndim == 3:
         array = cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_RGB2GRAY)
-    grey: GreyImage = np.ascontiguousarray(array, np.uint8)
+    grey: GreyImage = np.require(array, np.uint8, ["C", "W"])  # PyTorch warns of arrays that are read-only
     return grey

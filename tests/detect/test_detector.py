@@ -1,0 +1,210 @@
+import warnings
+from pathlib import Path
+
+import cv2
+import numpy as np
+import PIL.Image
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from textured_scenes import texture
+from tiny_network import save_lightning, tiny_detector, tiny_network
+
+from sips_lit.detect.detector import SipsDetector, as_grey
+from sips_lit.detect.selection import PointSelector
+from sips_lit.errors import BadInputError
+from sips_lit.types import Keypoints
+
+GREY = texture(77, 101)
+RGB = np.dstack([texture(77, 101, seed) for seed in (1, 2, 3)])
+# the weights of ITU-R BT.601
+LUMA = np.rint(RGB @ np.array([0.299, 0.587, 0.114]))
+
+
+def same(a: Keypoints, b: Keypoints) -> None:
+    np.testing.assert_array_equal(a.xy, b.xy)
+    np.testing.assert_array_equal(a.score, b.score)
+    np.testing.assert_array_equal(a.scale, b.scale)
+
+
+@pytest.fixture(scope="module")
+def detector() -> SipsDetector:
+    return tiny_detector()
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        GREY[:, :, None],
+        GREY / np.float32(255),
+        GREY / 255.0,
+        GREY.astype(np.uint16) * 257,
+        GREY[:, ::-1][:, ::-1],
+        np.asfortranarray(GREY),
+        np.dstack([GREY] * 3),
+        np.dstack([GREY, GREY, GREY, GREY // 9]),
+        PIL.Image.fromarray(GREY),
+        PIL.Image.fromarray(GREY).convert("P"),
+        PIL.Image.fromarray(GREY).convert("LA"),
+        PIL.Image.fromarray(np.dstack([GREY] * 3)),
+        PIL.Image.fromarray(GREY.astype(np.uint16) * 257),
+        torch.from_numpy(GREY),
+        torch.from_numpy(GREY)[None],
+        torch.from_numpy(GREY).expand(3, -1, -1),
+        torch.from_numpy(GREY)[None] / 255,
+        (torch.from_numpy(GREY) / 255).requires_grad_(),
+    ],
+    ids=lambda given: f"{type(given).__name__}-{getattr(given, 'mode', '')}{getattr(given, 'dtype', '')}",
+)
+def test_every_type_of_image_gives_the_same_points(detector, given):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_array_equal(as_grey(given), GREY)
+        same(detector(given, 20), detector.detect(GREY, 20))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        RGB,
+        RGB / 255.0,
+        RGB.astype(np.uint16) * 257,
+        PIL.Image.fromarray(RGB),
+        PIL.Image.fromarray(RGB).convert("RGBA"),
+        PIL.Image.fromarray(RGB).convert("CMYK"),
+        torch.from_numpy(RGB).permute(2, 0, 1),
+    ],
+    ids=lambda given: f"{type(given).__name__}-{getattr(given, 'mode', '')}{getattr(given, 'dtype', '')}",
+)
+def test_colours_are_red_green_blue(given):
+    grey = as_grey(given)
+    assert grey.dtype == np.uint8
+    assert np.abs(grey - LUMA).max() <= 1
+
+
+@pytest.mark.parametrize("mode", ["YCbCr", "HSV"])
+def test_other_colour_spaces_are_converted(mode):
+    assert np.abs(as_grey(PIL.Image.fromarray(RGB).convert(mode)) - LUMA).max() <= 4
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+def test_tensors_of_half_precision(dtype):
+    grey = as_grey((torch.from_numpy(GREY) / 255).to(dtype))
+    assert np.abs(grey.astype(int) - GREY).max() <= (1 if dtype == torch.bfloat16 else 0)
+
+
+def test_a_truth_map_is_black_and_white():
+    np.testing.assert_array_equal(as_grey(GREY > 127), np.where(GREY > 127, 255, 0))
+    np.testing.assert_array_equal(as_grey(PIL.Image.fromarray(GREY > 127)), np.where(GREY > 127, 255, 0))
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_path(detector, tmp_path, kind):
+    path = tmp_path / "image.png"
+    cv2.imwrite(str(path), GREY)
+    same(detector(kind(path), 20), detector.detect(GREY, 20))
+    cv2.imwrite(str(path), GREY.astype(np.uint16) * 257)
+    same(detector(kind(path), 20), detector.detect(GREY, 20))
+    cv2.imwrite(str(path), RGB[:, :, ::-1])
+    assert np.abs(as_grey(kind(path)) - LUMA).max() <= 1
+
+
+def test_the_image_is_not_touched(detector):
+    image = GREY.copy()
+    detector(image, 20)
+    np.testing.assert_array_equal(image, GREY)
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (np.zeros((2, 3, 3, 3)), "not of shape"),
+        (np.zeros((4, 4, 2), np.uint8), "not of shape"),
+        (torch.zeros(2, 1, 8, 8), "not of shape"),
+        (torch.zeros(2, 8, 8), "not of shape"),
+        (np.zeros(7, np.uint8), "not of shape"),
+        (None, "not of shape"),
+        (np.zeros((0, 5), np.uint8), "empty"),
+        (np.zeros((5, 0, 3), np.uint8), "empty"),
+        (GREY.astype(np.int64), "not int64"),
+        (GREY.astype(complex), "not complex128"),
+        (GREY.astype(np.float32), "divide it by 255"),
+        (np.full((4, 4), np.nan), "finite"),
+        (np.full((4, 4), -0.1), "finite values from 0 to 1"),
+        ("no/such/image.png", "cannot read the image no/such/image.png"),
+    ],
+)
+def test_what_is_no_image_is_refused(detector, given, reason):
+    with pytest.raises(BadInputError, match=reason):
+        detector(given)
+
+
+@settings(max_examples=25, deadline=None)
+@given(height=st.integers(1, 40), width=st.integers(1, 40), n=st.integers(0, 60))
+def test_images_of_any_size(detector, height, width, n):
+    image = texture(40, 40)[:height, :width]
+    points, every = detector(image, n), detector(image, 10**9)
+    assert len(points) == min(n, len(every))
+    assert points.xy.shape == (len(points), 2)
+    assert 1 <= len(every) <= height * width
+    same(points, every.best(n))
+    assert np.all(np.diff(every.score) <= 0)
+    assert np.all((every.score > 0) & (every.score < 1))
+    assert np.all((every.xy >= -0.5) & (every.xy <= [width - 0.5, height - 0.5]))
+    distance = np.abs(every.xy[:, None] - every.xy).max(2) + 99 * np.eye(len(every))
+    assert distance.min() > 5 - 1  # half a pixel each is the fit's
+
+
+def test_one_pixel_is_one_point(detector):
+    points = detector(np.full((1, 1), 128, np.uint8))
+    np.testing.assert_array_equal(points.xy, [[0, 0]])
+    np.testing.assert_array_equal(points.scale, [1])
+
+
+def test_no_points_and_fewer_than_none(detector):
+    none = detector(GREY, 0)
+    assert none.xy.shape == (0, 2)
+    assert none.score.shape == none.scale.shape == (0,)
+    with pytest.raises(BadInputError, match="n is -1"):
+        detector(GREY, -1)
+
+
+def test_the_score_at_a_point_is_that_of_the_map():
+    detector = tiny_detector(subpixel=False)
+    points, scores = detector(GREY, 30), detector.score_map(GREY)
+    assert scores.shape == GREY.shape
+    assert scores.dtype == np.float32
+    column, row = points.xy.astype(int).T
+    np.testing.assert_allclose(points.score, scores[row, column], rtol=1e-6)
+    assert points.score[0] == scores.max()
+
+
+def test_weights_that_are_not_finite():
+    network = tiny_network()
+    with torch.no_grad():
+        network.layers[1].weight[0, 0, 0, 0] = torch.nan
+    with pytest.raises(BadInputError, match="not finite: its weights are broken"):
+        SipsDetector(network, PointSelector())(GREY)
+
+
+def test_several_scales():
+    detector = SipsDetector(tiny_network(scales=3), PointSelector())
+    points = detector(GREY, 10**6)
+    assert set(np.round(points.scale**2)) == {1, 2, 4}
+    same(points.best(15), detector(GREY, 15))
+    assert len(detector(GREY[:1, :1])) == 1
+
+
+def test_the_points_have_no_descriptors(detector):
+    assert detector.describes is False
+    with pytest.raises(TypeError, match="describe them"):
+        detector.detect_and_describe(GREY, 5)
+
+
+def test_from_a_checkpoint(tmp_path):
+    path = save_lightning(tmp_path / "best.ckpt", tiny_network(), PointSelector(3, subpixel=False))
+    same(SipsDetector.from_checkpoint(path)(GREY), tiny_detector(nms_radius=3, subpixel=True)(GREY))
+    coarse = SipsDetector.from_checkpoint(str(path), subpixel=False)(GREY)
+    same(coarse, tiny_detector(nms_radius=3, subpixel=False)(GREY))
+    np.testing.assert_array_equal(coarse.xy, np.rint(coarse.xy))
