@@ -135,7 +135,10 @@ class PictureWriter:
 
 
 class VideoWriter:
-    """An mp4 of the frames with their points; it gets its name when it is closed, as half an mp4 plays nowhere."""
+    """An mp4 of the frames with their points; it gets its name when it is closed, as half an mp4 plays nowhere.
+
+    OpenCV's encoder takes even sizes only: the last row or column of an odd one is not in the video.
+    """
 
     def __init__(self, path: Path, fps: float) -> None:
         make_folder(path.parent)
