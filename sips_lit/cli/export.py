@@ -45,8 +45,8 @@ def export(config: DictConfig) -> None:
     ONNX holds the network for one image; of a multi-scale checkpoint the caller builds the pyramid (the text says so).
     """
     options = typed(config, ExportOptions)
-    path = output_path(options)
     network, selector = load_checkpoint(options.checkpoint)
+    path = output_path(options)
     require_finite(network, options.checkpoint)
     make_folder(path.parent)
     if options.format == "safetensors":

@@ -1,0 +1,148 @@
+import importlib.util
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+import sips_lit.cli.export
+from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.detector import SipsDetector
+from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.selection import PointSelector
+from sips_lit.export.safetensors import export_safetensors
+
+EXTRA = all(importlib.util.find_spec(name) for name in ("onnx", "onnxscript", "onnxruntime"))
+
+
+@pytest.fixture
+def mine(checkpoint, tmp_path) -> Path:
+    """A checkpoint in a folder of its own."""
+    (tmp_path / "run").mkdir()
+    return Path(shutil.copy(checkpoint, tmp_path / "run" / "best.safetensors"))
+
+
+def usage(text: str) -> str:
+    """The lines of Python that a command ends with."""
+    return text[text.rindex("\n\n") :]
+
+
+def same_scores(a: Path, b: Path, image: Path) -> None:
+    first, second = (SipsDetector.from_checkpoint(path)(image) for path in (a, b))
+    np.testing.assert_array_equal(first.xy, second.xy)
+    np.testing.assert_array_equal(first.score, second.score)
+
+
+def test_safetensors(command, mine, frames, tmp_path):
+    output = tmp_path / "new" / "weights.safetensors"
+    result = command("export", f"checkpoint={mine}", f"output={output}")
+    assert result.code == 0, result.err
+    same_scores(mine, output, frames / "000.png")
+    for path in (output, output.with_suffix(".json")):
+        assert f"{path} ({path.stat().st_size / 1000:,.1f} kB)" in result.out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "run"]
+
+
+def test_what_is_printed_works(command, mine, frames, monkeypatch):
+    result = command("export", f"checkpoint={mine}")
+    monkeypatch.chdir(frames)
+    names: dict[str, object] = {}
+    exec(usage(result.out).replace("image.png", "000.png"), names)
+    assert len(names["keypoints"]) == 50
+
+
+def test_beside_a_checkpoint_of_a_run(command, mine, frames, tmp_path):
+    network, selector = load_checkpoint(mine)
+    content = {
+        "state_dict": {f"network.{name}": tensor for name, tensor in network.state_dict().items()},
+        "hyper_parameters": {"network": network.config, "selector": {"nms_radius": selector.nms_radius}},
+    }
+    torch.save(content, tmp_path / "run" / "last.ckpt")
+    result = command("export", f"checkpoint={tmp_path}/run/last.ckpt")
+    assert result.code == 0, result.err
+    assert (tmp_path / "run" / "last.json").is_file()
+    same_scores(mine, tmp_path / "run" / "last.safetensors", frames / "000.png")
+
+
+@pytest.mark.skipif(not EXTRA, reason="needs the extra export")
+def test_onnx(command, checkpoint, tmp_path, frames, monkeypatch):
+    import onnxruntime  # noqa: F401 - the printed lines need it
+
+    several = tmp_path / "several.safetensors"
+    network, _ = load_checkpoint(checkpoint)
+    pyramid = ScoreNetwork(3, 4, scales=3)
+    pyramid.load_state_dict(network.state_dict())
+    export_safetensors(pyramid, PointSelector(), several)
+    result = command("export", f"checkpoint={several}", "format=onnx")
+    assert result.code == 0, result.err
+    path = tmp_path / "several.onnx"
+    assert f"{path} ({path.stat().st_size / 1000:,.1f} kB)" in result.out
+    assert "differ by at most" in result.out
+    assert "detects on 3 scales, a factor 1.414 apart" in result.out
+    monkeypatch.chdir(frames)
+    names: dict[str, object] = {}
+    exec(usage(result.out).replace("image.png", "000.png"), names)
+    expected = SipsDetector.from_checkpoint(checkpoint).score_map(cv2.imread("000.png", cv2.IMREAD_GRAYSCALE))
+    np.testing.assert_allclose(names["probability"], expected, atol=1e-5)
+
+
+def test_onnx_is_of_one_scale_unless_told(command, mine, monkeypatch, tmp_path):
+    def quick(network: ScoreNetwork, selector: PointSelector, path: Path) -> float:
+        path.write_bytes(b"model")
+        return 2e-7
+
+    monkeypatch.setattr(sips_lit.cli.export, "export_onnx", quick)
+    result = command("export", f"checkpoint={mine}", "format=onnx", f"output={tmp_path}/a/b.onnx")
+    assert result.code == 0, result.err
+    assert "differ by at most 2.0e-07" in result.out
+    assert "scales" not in result.out
+    assert (tmp_path / "a" / "b.onnx").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["format=torchscript"], "format is torchscript: give safetensors or onnx"),
+        (["format="], "format is : give"),
+        (["output=weights.pt"], "output is weights.pt: name a file that ends in .safetensors"),
+        (["format=onnx", "output=weights.safetensors"], "ends in .onnx"),
+        (["checkpoint=gone.ckpt"], "there is no checkpoint gone.ckpt"),
+        (["checkpoint="], "there is no checkpoint"),
+        (["checkpoint=/"], "there is no checkpoint"),
+    ],
+)
+def test_values_that_are_refused(command, mine, arguments, reason):
+    assert reason in command("export", f"checkpoint={mine}", *arguments).sentence
+    assert [path.name for path in mine.parent.iterdir()] == [mine.name]
+
+
+def test_the_checkpoint_must_be_set(command):
+    assert command("export").sentence == "checkpoint is not set: add checkpoint=... to the command"
+
+
+def test_output_that_cannot_be_written(command, mine, tmp_path):
+    (tmp_path / "taken").touch()
+    (tmp_path / "folder.safetensors").mkdir()
+    below = command("export", f"checkpoint={mine}", f"output={tmp_path}/taken/a.safetensors")
+    assert "cannot make the folder" in below.sentence
+    folder = command("export", f"checkpoint={mine}", f"output={tmp_path}/folder.safetensors")
+    assert "cannot write" in folder.sentence
+    assert "wrote" not in folder.out
+
+
+@pytest.mark.parametrize("kind", ["safetensors", "onnx"])
+def test_weights_that_are_not_finite(command, mine, tmp_path, kind):
+    network, selector = load_checkpoint(mine)
+    with torch.no_grad():
+        network.layers[1].weight[0, 0, 0, 0] = torch.inf
+    export_safetensors(network, selector, mine)
+    result = command("export", f"checkpoint={mine}", f"format={kind}", f"output={tmp_path}/out.{kind}")
+    assert "holds weights that are not finite" in result.sentence
+    assert not (tmp_path / f"out.{kind}").exists()
+
+
+def test_a_missing_package_is_named(command, mine, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert "pip install 'sips_lit[export]'" in command("export", f"checkpoint={mine}", "format=onnx").sentence
