@@ -69,5 +69,5 @@ def test_folders_with_those_above_them(tmp_path):
     assert (tmp_path / "a" / "b").is_dir()
     (tmp_path / "file").touch()
     for path in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(BadInputError, match="cannot make the folder .*: choose another place"):
+        with pytest.raises(BadInputError, match=r"cannot make the folder .*: choose another place"):
             make_folder(path)

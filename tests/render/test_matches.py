@@ -89,6 +89,17 @@ def test_matches_join_the_points_that_they_name():
     assert np.all(picture[10, 40:100] == GREY)
     assert tuple(picture[80, 20 - REACH]) == COLOURS[Reason.INLIER]
     assert tuple(picture[10, 20 - REACH]) == COLOURS[Reason.UNMATCHED]
+    assert tuple(picture[10, LEFT1 + 90 + REACH]) == COLOURS[Reason.INLIER]
+    assert tuple(picture[80, LEFT1 + 90 + REACH]) == COLOURS[Reason.UNMATCHED]
+
+
+def test_lines_end_at_their_points():
+    matches, inliers = judged(1, 1, [(0, 0, Reason.INLIER)])
+    last = WIDTH - 1
+    for start, end in ((5, 85), (85, 5)):  # steep, so that the line's middle tells where its ends are
+        picture = draw_matches(image(), image(), sure([[last, start]]), sure([[0, end]]), matches, inliers)
+        ink = picture[45, WIDTH:LEFT1, 1].astype(float) - picture[0, WIDTH, 1]
+        assert ink @ np.arange(WIDTH, LEFT1) / ink.sum() == pytest.approx((last + LEFT1) / 2, abs=0.3)
 
 
 def test_score_maps_lie_beneath():
