@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import sips_lit.cli  # noqa: F401 - first: it sets how OpenMP threads wait
+
+# isort: split
+
 import tempfile
 import time
 from collections.abc import Callable

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from sips_lit.types import GreyImage
 
+STOP = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 15, 0.03)  # iterations a level, and a step in pixels
+
 
 @dataclass(frozen=True, slots=True)
 class KltTracker:
@@ -22,7 +24,7 @@ class KltTracker:
     if going forth and back returns within this many pixels; ``margin``: and if the point stays this far inside the image.
     """
 
-    window: int = 21
+    window: int = 15
     max_level: int = 3
     max_roundtrip: float = 1.0
     margin: float = 4.0
@@ -67,4 +69,4 @@ class KltTracker:
         return ends, survived
 
     def _options(self) -> dict[str, Any]:
-        return {"winSize": (self.window, self.window), "maxLevel": self.max_level}
+        return {"winSize": (self.window, self.window), "maxLevel": self.max_level, "criteria": STOP}

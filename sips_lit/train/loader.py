@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Subset
@@ -15,6 +20,8 @@ from sips_lit.detect.selection import SelectedPoints, image_tensor
 from sips_lit.train.dataset import PackedPairs, SourcePair, unpack
 from sips_lit.train.labelling import PointLabels, label_pair
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
+
+NICENESS = 5  # of what runs beside the network
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +86,7 @@ class OneStepAhead:
                 worker_init_fn=_quiet_worker,
             )
         )
-        with ThreadPoolExecutor(1) as coordinator, ThreadPoolExecutor(self.labelling_workers) as workers:
+        with _pool(1) as coordinator, _pool(self.labelling_workers) as workers:
 
             def submit(ahead: Points | None = None) -> tuple[Points, Future[LabelledPair]] | None:
                 packed = next(stream, None)
@@ -134,12 +141,24 @@ def _from_state(state: dict[str, Tensor]) -> SelectedPoints:
     return SelectedPoints(Keypoints(a["xy"], a["score"], a["scale"]), a["level"], a["row"], a["column"])
 
 
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, initializer=_step_back)
+
+
+def _step_back() -> None:
+    """Gives the calling thread a lower priority.
+
+    The network's threads wait for each other in every layer: one that has to share its core delays them all. Labels fill
+    the gaps instead.
+    """
+    if hasattr(os, "setpriority"):
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+
+
 def _quiet_worker(_: int) -> None:
     """A loading worker leaves the threads to the network, and Ctrl-C to the parent."""
-    import signal
-
-    import cv2
-
     cv2.setNumThreads(0)  # forked OpenCV threads hang
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _step_back()

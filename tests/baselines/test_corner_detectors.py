@@ -30,10 +30,8 @@ def greedy(response, n, distance):
 @pytest.mark.parametrize("distance", [2.0, 5.0, 9.0])
 @pytest.mark.parametrize("kind", [ShiTomasi, Harris])
 def test_strongest_far_enough_apart(kind, distance, image):
-    if kind is ShiTomasi:
-        response = cv2.cornerMinEigenVal(image, 3, ksize=3)
-    else:
-        response = cv2.cornerHarris(image, 3, ksize=3, k=0.04)
+    eigenvalue, harris = cv2.cornerMinEigenVal(image, 3, ksize=3), cv2.cornerHarris(image, 3, ksize=3, k=0.04)
+    response = eigenvalue if kind is ShiTomasi else harris
     expected = greedy(response, 80, distance)
     keypoints = kind(min_distance=distance).detect(image, 80)
     np.testing.assert_array_equal(keypoints.xy, [(x, y) for _, y, x in expected])
