@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import lightning as L
-from omegaconf import DictConfig
+from lightning.pytorch.loggers import TensorBoardLogger
+from omegaconf import DictConfig, OmegaConf
 
 from sips_lit.cli.app import build, run
 from sips_lit.cli.compare import compare
@@ -15,6 +18,8 @@ from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.module import SipsModule
+
+RUN_METRIC = "best_succinctness_auc"
 
 
 def train(config: DictConfig) -> float:
@@ -30,13 +35,34 @@ def train(config: DictConfig) -> float:
     callbacks = list(build(config.callbacks).values())
     trainer: L.Trainer = build(config.trainer, callbacks=callbacks, logger=build(config.logger))
     print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
+    log_settings(trainer, config)
     trainer.fit(module, data, ckpt_path=ckpt_path)
     best, auc = _best(trainer)
+    for logger in trainer.loggers:
+        logger.log_metrics({RUN_METRIC: auc}, trainer.global_step)
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
         if config.compare is not None:
             compare(config.compare, best, Path(config.paths.run) / "compare")
     return auc
+
+
+def log_settings(trainer: L.Trainer, config: DictConfig) -> None:
+    """The settings of the run for TensorBoard's table of runs, with the metric that they are judged by."""
+    parts = {key: OmegaConf.to_container(config[key], resolve=True) for key in ("model", "optim", "augment")}
+    settings = {name: value for name, value in _flat(parts) if not name.endswith(("_target_", "_partial_"))}
+    settings |= {"seed": config.seed, "points": config.module.points, "overlap": config.datamodule.overlap}
+    for logger in trainer.loggers:
+        if isinstance(logger, TensorBoardLogger):
+            logger.log_hyperparams(settings, {RUN_METRIC: float("nan")})
+
+
+def _flat(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in node.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
 
 
 def resume_path(ckpt_path: str | None, run_folder: str, outputs: str) -> str | None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
+import cv2
 import lightning as L
 import numpy as np
 import torch
@@ -43,7 +44,7 @@ class SipsModule(L.LightningModule):
         self.network, self.selector = network, selector
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.points, self.gradient = points, gradient
-        self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)})
+        self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)}, logger=False)
 
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of images (B, 1, H, W)."""
@@ -92,6 +93,15 @@ class SipsModule(L.LightningModule):
         """The DataModule that this module is trained with."""
         data: PairDataModule = self.trainer.datamodule  # type: ignore[attr-defined]  # set by Trainer.fit
         return data
+
+    def on_validation_start(self) -> None:
+        """Nothing is labelled during a validation: verification takes all cores."""
+        self._threads = cv2.getNumThreads()
+        cv2.setNumThreads(-1)
+
+    def on_validation_end(self) -> None:
+        """As in training again."""
+        cv2.setNumThreads(self._threads)
 
     def configure_optimizers(self) -> Any:
         """Optimiser and, if any, a schedule that ends with the last step of the run."""
