@@ -198,7 +198,7 @@ def test_a_finished_run_can_be_made_longer(whole, tmp_path, frames):
 
 
 def test_accumulated_gradients_resume_exactly(tmp_path, frames):
-    steps = "trainer.max_steps=4", "+trainer.accumulate_grad_batches=2", "trainer.val_check_interval=4"
+    steps = "trainer.max_steps=4", "trainer.accumulate_grad_batches=2", "trainer.val_check_interval=4"
     run_it(tmp_path / "one", frames, *steps)
     with pytest.raises(TrainingInterrupted):
         run_it(tmp_path / "two", frames, *steps, halt=target(StopAt, step=2))
