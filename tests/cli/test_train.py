@@ -25,7 +25,7 @@ def config_of(run: Path, frames: Path, *overrides: str) -> DictConfig:
     register_resolvers()
     given = ["data=folder", f"data.path={frames}", f"paths.run={run}", f"paths.indexes={run.parent}/indexes"]
     with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
-        return compose("train", [*TINY, "+trainer.enable_progress_bar=false", *given, *overrides])
+        return compose("train", [*TINY, "trainer.enable_progress_bar=false", *given, *overrides])
 
 
 def run_it(run: Path, frames: Path, *overrides: str, **callbacks: dict) -> float:
