@@ -9,17 +9,21 @@ import cv2
 import numpy as np
 from frames_to_use import Film, frames_from_arguments
 
+from sips_lit.tracking.klt import KltTracker
 from sips_lit.tracking.overlap import OverlapParameters, measure_overlap
 
 
 def bare_klt(film: Film, count: int) -> float:
     """Seconds a frame of forth and back on ``count`` points."""
+    tracker = KltTracker()
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, tracker.iterations, tracker.accuracy)
+    options = {"winSize": (tracker.window, tracker.window), "maxLevel": tracker.max_level, "criteria": stop}
     points = cv2.goodFeaturesToTrack(film.frames[0], count, 1e-6, 2).reshape(-1, 2)
     points = np.resize(points, (count, 2)).astype(np.float32)
     start = time.perf_counter()
     for before, after in zip(film.frames[:-1], film.frames[1:], strict=True):
-        forth, _, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, winSize=(21, 21), maxLevel=3)
-        cv2.calcOpticalFlowPyrLK(after, before, forth, None, winSize=(21, 21), maxLevel=3)
+        forth, _, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, **options)
+        cv2.calcOpticalFlowPyrLK(after, before, forth, None, **options)
     return (time.perf_counter() - start) / (len(film) - 1)
 
 

@@ -17,9 +17,9 @@ from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import extract
 from sips_lit.evaluate.pairs import PairSet
 from sips_lit.evaluate.verification import Search, VerifiedPair, search_points_needed, verify
+from sips_lit.inliers.point_labels import point_labels
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
 from sips_lit.metrics.succinctness import Succinctness, SuccinctnessResult, points_needed
-from sips_lit.train.labelling import point_labels
 from sips_lit.types import Descriptor, Detector, Features, FramePair, GreyImage
 
 

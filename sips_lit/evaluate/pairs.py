@@ -11,7 +11,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources
 from sips_lit.tracking.build import build_indexes
 from sips_lit.tracking.overlap import OverlapParameters
-from sips_lit.train.dataset import FixedPairs, SourceSampler
+from sips_lit.tracking.source_pairs import FixedPairs, SourceSampler
 from sips_lit.types import FramePair, ImageSequence, InlierCheck
 
 

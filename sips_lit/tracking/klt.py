@@ -13,19 +13,20 @@ from numpy.typing import NDArray
 
 from sips_lit.types import GreyImage
 
-STOP = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 15, 0.03)  # iterations a level, and a step in pixels
-
 
 @dataclass(frozen=True, slots=True)
 class KltTracker:
     """Lucas-Kanade with pyramids and the forward-backward check.
 
-    ``window``: side of the patch in pixels; ``max_level``: pyramid levels above the image; ``max_roundtrip``: a step holds
-    if going forth and back returns within this many pixels; ``margin``: and if the point stays this far inside the image.
+    ``window``: side of the patch in pixels; ``max_level``: pyramid levels above the image; ``iterations`` a level at most,
+    fewer once an update is below ``accuracy`` pixels; ``max_roundtrip``: a step holds if going forth and back returns
+    within this many pixels; ``margin``: and if the point stays this far inside the image.
     """
 
     window: int = 15
     max_level: int = 3
+    iterations: int = 15
+    accuracy: float = 0.03
     max_roundtrip: float = 1.0
     margin: float = 4.0
 
@@ -69,4 +70,5 @@ class KltTracker:
         return ends, survived
 
     def _options(self) -> dict[str, Any]:
-        return {"winSize": (self.window, self.window), "maxLevel": self.max_level, "criteria": STOP}
+        stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, self.iterations, self.accuracy)
+        return {"winSize": (self.window, self.window), "maxLevel": self.max_level, "criteria": stop}

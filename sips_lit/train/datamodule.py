@@ -15,8 +15,9 @@ from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources, split_tail
 from sips_lit.tracking.build import build_indexes
 from sips_lit.tracking.overlap import OverlapParameters
+from sips_lit.tracking.source_pairs import FixedPairs, SourceSampler
 from sips_lit.train.augment import Augmentation
-from sips_lit.train.dataset import FixedPairs, PackedPairs, SourceSampler, TrainingPairs
+from sips_lit.train.dataset import PackedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead
 from sips_lit.types import Descriptor, ImageSequence, InlierCheck
 

@@ -1,9 +1,9 @@
-"""Training and validation pairs as datasets: decoding, sampling and augmentation, run in DataLoader workers."""
+"""Training pairs as a dataset, and how pairs pass between processes: decoding and augmentation run in DataLoader workers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,54 +12,10 @@ from torch.utils.data import Dataset
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
-from sips_lit.tracking.overlap import OverlapIndex
-from sips_lit.tracking.pairs import PairChoice, PairSampler, read_pair
+from sips_lit.tracking.pairs import read_pair
+from sips_lit.tracking.source_pairs import FixedPairs, SourcePair, SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.types import FramePair, GreyImage, InlierCheck
-
-
-@dataclass(frozen=True, slots=True)
-class SourcePair:
-    """A pair and the position of its source in the list of sources."""
-
-    pair: FramePair
-    source: int
-
-
-class SourceSampler:
-    """Draws a source by weight, then a pair of it: a pure function of (seed, epoch, index).
-
-    ``indexes`` are the overlap indexes of all sequences of all sources, in their order. Raises BadInputError when a source
-    has no pair with this overlap.
-    """
-
-    def __init__(self, sources: Sequence[Source], indexes: Sequence[OverlapIndex], overlap: float, seed: int) -> None:
-        self.seed = seed
-        self.samplers = []
-        taken = 0
-        for source in sources:
-            own = indexes[taken : taken + len(source.sequences)]
-            names = [sequence.name for sequence in source.sequences[:3]]
-            self.samplers.append(PairSampler(own, overlap, seed, names=names))
-            taken += len(source.sequences)
-        weights = np.cumsum([source.weight for source in sources])
-        self.cumulative_weight = weights / weights[-1]
-
-    def draw(self, epoch: int, index: int) -> tuple[int, PairChoice]:
-        """Position of the source, and the pair."""
-        # the last number sets this stream apart from the pair's own; a 0 would not: numpy ignores trailing zeros
-        generator = np.random.default_rng([self.seed, epoch, index, 2])
-        at = int(np.searchsorted(self.cumulative_weight, generator.random(), side="right"))
-        return at, self.samplers[at].draw(epoch, index)
-
-    def fixed(self, count: int) -> list[tuple[int, PairChoice]]:
-        """``count`` different pairs (fewer if there are not so many), always the same for a seed."""
-        chosen: dict[tuple[int, PairChoice], None] = {}
-        for index in range(20 * count):  # draws repeat: stop looking after many
-            chosen[self.draw(0, index)] = None
-            if len(chosen) == count:
-                break
-        return list(chosen)
 
 
 class TrainingPairs(Dataset[SourcePair]):
@@ -88,25 +44,6 @@ class TrainingPairs(Dataset[SourcePair]):
         if self.augmentation is not None:
             pair = self.augmentation(pair, np.random.default_rng([self.sampler.seed, 0, index, 1]))
         return SourcePair(pair, at)
-
-
-class FixedPairs(Dataset[SourcePair]):
-    """The same pairs every time, unaugmented, for validation and evaluation."""
-
-    def __init__(
-        self, sources: Sequence[Source], choices: Sequence[tuple[int, PairChoice]], default: InlierCheck
-    ) -> None:
-        self.sources, self.choices = list(sources), list(choices)
-        self.uses_frames = [(source.inliers or default).uses_frames for source in sources]
-
-    def __len__(self) -> int:
-        return len(self.choices)
-
-    def __getitem__(self, index: int) -> SourcePair:
-        """Pair ``index``; raises BadInputError when one of its frames can't be read."""
-        at, choice = self.choices[index]
-        sequence = self.sources[at].sequences[choice.sequence]
-        return SourcePair(read_pair(sequence, choice.index0, choice.index1, self.uses_frames[at]), at)
 
 
 class PackedPairs(Dataset[dict[str, Any] | BadInputError]):

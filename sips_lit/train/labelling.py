@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sips_lit.inliers.point_labels import PointLabels, point_labels
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
-from sips_lit.types import Descriptor, Features, FramePair, InlierCheck, Inliers, Keypoints, Matches, Reason
+from sips_lit.types import Descriptor, Features, FramePair, InlierCheck, Inliers, Keypoints, Matches
 
 Map = Callable[..., Iterable[Any]]
 """The built-in `map`, or the one of an executor that runs the calls side by side."""
-
-
-@dataclass(frozen=True, slots=True)
-class PointLabels:
-    """For the N selected points of one image: ``inlier`` (N,), ``known`` (N,) bool and ``reason`` (N,) uint8 (`Reason`).
-
-    A point is an inlier if its match is one; every other point is an outlier, matched or not, unless nothing is known.
-    """
-
-    inlier: NDArray[np.bool_]
-    known: NDArray[np.bool_]
-    reason: NDArray[np.uint8]
 
 
 def label_pair(
@@ -49,13 +36,6 @@ def label_pair(
         point_labels(inliers, matches.index0, inliers.known0),
         point_labels(inliers, matches.index1, inliers.known1),
     )
-
-
-def point_labels(inliers: Inliers, point_of_match: NDArray[np.int64], known: NDArray[np.bool_]) -> PointLabels:
-    """Labels of the points of one image from what is known about their matches."""
-    reason = np.where(known, Reason.UNMATCHED, Reason.UNKNOWN).astype(np.uint8)
-    reason[point_of_match] = inliers.reason
-    return PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason)
 
 
 def _check_in_parts(

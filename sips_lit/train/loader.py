@@ -17,8 +17,10 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Subset
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
-from sips_lit.train.dataset import PackedPairs, SourcePair, unpack
-from sips_lit.train.labelling import PointLabels, label_pair
+from sips_lit.inliers.point_labels import PointLabels
+from sips_lit.tracking.source_pairs import SourcePair
+from sips_lit.train.dataset import PackedPairs, unpack
+from sips_lit.train.labelling import label_pair
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
 NICENESS = 5  # of what runs beside the network

@@ -10,7 +10,7 @@ from sips_lit.callbacks.guard import GracefulStop, NonFiniteGuard
 from sips_lit.callbacks.last_validation import LastValidation
 from sips_lit.detect.selection import SelectedPoints
 from sips_lit.errors import BadInputError, TrainingInterrupted
-from sips_lit.train.labelling import PointLabels
+from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.train.loader import LabelledPair
 from sips_lit.types import Keypoints
 

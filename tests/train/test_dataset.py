@@ -11,8 +11,9 @@ from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.tracking.overlap import OverlapIndex
 from sips_lit.tracking.pairs import PairChoice
+from sips_lit.tracking.source_pairs import FixedPairs, SourcePair, SourceSampler
 from sips_lit.train.augment import Augmentation
-from sips_lit.train.dataset import FixedPairs, PackedPairs, SourcePair, SourceSampler, TrainingPairs, pack, unpack
+from sips_lit.train.dataset import PackedPairs, TrainingPairs, pack, unpack
 from sips_lit.types import FramePair
 
 

@@ -9,8 +9,9 @@ from sips_lit.describe.orb import Orb
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
+from sips_lit.inliers.point_labels import point_labels
 from sips_lit.tracking.pairs import read_pair
-from sips_lit.train.labelling import label_pair, point_labels
+from sips_lit.train.labelling import label_pair
 from sips_lit.types import Inliers, Keypoints, Matches, Reason
 
 PAIR = read_pair(flight(5), 0, 4)

@@ -13,8 +13,8 @@ from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor
 from sips_lit.evaluate.verification import VerifiedPair
 from sips_lit.inliers.klt import KltInliers
+from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.train.datamodule import PairDataModule
-from sips_lit.train.labelling import PointLabels
 from sips_lit.train.loader import LabelledPair
 from sips_lit.train.module import SipsModule
 from sips_lit.types import Keypoints, Reason
