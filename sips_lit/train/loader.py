@@ -23,8 +23,6 @@ from sips_lit.train.dataset import PackedPairs, unpack
 from sips_lit.train.labelling import label_pair
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
-NICENESS = 5  # of what runs beside the network
-
 
 @dataclass(frozen=True, slots=True)
 class LabelledPair:
@@ -148,14 +146,14 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 
 
 def _step_back() -> None:
-    """Gives the calling thread a lower priority.
+    """Lets the calling thread run only where a core is idle, on systems that can (Linux).
 
     The network's threads wait for each other in every layer: one that has to share its core delays them all. Labels fill
-    the gaps instead.
+    the gaps instead, and at the latest the time in which the network waits for them.
     """
-    if hasattr(os, "setpriority"):
+    if hasattr(os, "SCHED_IDLE"):
         with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+            os.sched_setscheduler(threading.get_native_id(), os.SCHED_IDLE, os.sched_param(0))
 
 
 def _quiet_worker(_: int) -> None:
