@@ -41,7 +41,7 @@ class NonFiniteGuard(L.Callback):
         path = self.folder / "nonfinite_batch.pt"
         torch.save(_plain(self.batch), path)
         raise BadInputError(
-            f"the loss became {float(loss)} at step {trainer.global_step}: the batch is saved as {path}; lower "
+            f"the loss became {float(loss.detach())} at step {trainer.global_step}: the batch is saved as {path}; lower "
             "optim.optimizer.lr, or train with trainer.precision=32-true; checkpoints up to the last validation are intact"
         )
 

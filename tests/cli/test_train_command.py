@@ -60,7 +60,7 @@ def test_ctrl_c_saves_and_another_run_goes_on(process, command, frames, folders)
 def test_a_second_ctrl_c_stops_at_once(process, frames, folders):
     # one step takes long here: the first signal would wait for it
     slow = "trainer.max_steps=5000", "trainer.val_check_interval=5000", "trainer.accumulate_grad_batches=100000"
-    child = process("train", *given(frames, "+" + slow[2], *slow[:2], f"hydra.run.dir={folders}/run"))
+    child = process("train", *given(frames, *slow, f"hydra.run.dir={folders}/run"))
     read_until(child, "4/5000")
     os.killpg(child.pid, signal.SIGINT)
     read_until(child, "stopping after this step")
