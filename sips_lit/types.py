@@ -64,7 +64,15 @@ class ImageSequence(ABC):
         return None
 
     def right(self, index: int) -> GreyImage | None:
-        """The right image of a rectified stereo pair."""
+        """The right image of a rectified stereo pair: a point at (x, y) is at (x - disparity, y) there."""
+        return None
+
+    def baseline(self) -> float | None:
+        """Metres from the camera to the one of the right images."""
+        return None
+
+    def time(self, index: int) -> float | None:
+        """When frame ``index`` was taken, in seconds."""
         return None
 
     def homography(self, index0: int, index1: int) -> FloatArray | None:
@@ -74,17 +82,22 @@ class ImageSequence(ABC):
 
 @dataclass(frozen=True, slots=True)
 class ViewGeometry:
-    """Known geometry of a pair: ``T_1_0`` (4, 4), cameras, depth maps (H, W) in metres with NaN where unknown.
+    """Known geometry of a pair: cameras, ``T_1_0`` (4, 4), depth maps (H, W) in metres with NaN where unknown.
 
-    One of the depth maps may be None: then the points of that image are known only through their matches, and points
-    that are hidden there are not noticed.
+    ``T_1_0`` is None where poses are not known. One of the depth maps may be None: then the points of that image are known
+    only through their matches, and points that are hidden there are not noticed. Where there are no depth maps the
+    rectified stereo partners ``right0`` and ``right1`` (H, W) may tell the depth; they are ``baseline`` metres to the right
+    (to the left if negative: a mirror swaps the sides).
     """
 
-    T_1_0: FloatArray
+    T_1_0: FloatArray | None
     camera0: Camera
     camera1: Camera
     depth0: FloatArray | None
     depth1: FloatArray | None
+    right0: GreyImage | None = None
+    right1: GreyImage | None = None
+    baseline: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +254,11 @@ class InlierCheck(Protocol):
     @property
     def uses_frames(self) -> bool:
         """Whether it looks at the frames between the two images; without it they need not be read."""
+        ...
+
+    @property
+    def uses_depth(self) -> bool:
+        """Whether it needs depth maps, or right images where there are none; without it they need not be read."""
         ...
 
     @property

@@ -81,6 +81,14 @@ class FrameRange(ImageSequence):
         """Right image of the frame."""
         return self.whole.right(self._at(index))
 
+    def baseline(self) -> float | None:
+        """Of the whole sequence."""
+        return self.whole.baseline()
+
+    def time(self, index: int) -> float | None:
+        """When the frame was taken."""
+        return self.whole.time(self._at(index))
+
     def homography(self, index0: int, index1: int) -> FloatArray | None:
         """(3, 3) from one frame of the range to another."""
         return self.whole.homography(self._at(index0), self._at(index1))

@@ -23,6 +23,7 @@ class HomographyInliers:
     threshold: float = 3.0
     independent: ClassVar[bool] = True
     uses_frames: ClassVar[bool] = False
+    uses_depth: ClassVar[bool] = False
 
     @property
     def protocol(self) -> Mapping[str, Any]:

@@ -20,6 +20,7 @@ class KltInliers:
     threshold: float = 3.0
     independent: ClassVar[bool] = True
     uses_frames: ClassVar[bool] = True
+    uses_depth: ClassVar[bool] = False
 
     @property
     def protocol(self) -> Mapping[str, Any]:

@@ -26,6 +26,7 @@ class PoseDepthInliers:
     occlusion: float = 0.05
     independent: ClassVar[bool] = True
     uses_frames: ClassVar[bool] = False
+    uses_depth: ClassVar[bool] = True
 
     @property
     def protocol(self) -> Mapping[str, Any]:
@@ -35,7 +36,7 @@ class PoseDepthInliers:
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Raises BadInputError for a pair without pose, camera and depth."""
         g = pair.geometry
-        if g is None:
+        if g is None or g.T_1_0 is None or (g.depth0 is None and g.depth1 is None):
             raise BadInputError(
                 f"{pair.name} has no pose, camera and depth: choose another source of inliers, such as inliers=klt"
             )

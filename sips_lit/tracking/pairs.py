@@ -55,8 +55,11 @@ class PairSampler:
         return PairChoice(int(self._sequence[at]), first, second)
 
 
-def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool = True) -> FramePair:
-    """Frames ``index0`` and ``index1`` and what is known about them; without ``between`` the frames between are not read."""
+def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool = True, depth: bool = True) -> FramePair:
+    """Frames ``index0`` and ``index1`` and what is known about them.
+
+    Without ``between`` the frames between are not read, without ``depth`` neither depth maps nor right images.
+    """
     step = 1 if index1 > index0 else -1
     indices = range(index0, index1 + step, step) if between else (index0, index1)
     frames = tuple(sequence.frame(index) for index in indices)
@@ -68,14 +71,20 @@ def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool =
         image0=frames[0],
         image1=frames[-1],
         homography=sequence.homography(index0, index1),
-        geometry=_geometry(sequence, index0, index1),
+        geometry=_geometry(sequence, index0, index1, depth),
     )
 
 
-def _geometry(sequence: ImageSequence, index0: int, index1: int) -> ViewGeometry | None:
-    pose0, pose1 = sequence.pose(index0), sequence.pose(index1)
+def _geometry(sequence: ImageSequence, index0: int, index1: int, depth: bool) -> ViewGeometry | None:
     camera0, camera1 = sequence.camera(index0), sequence.camera(index1)
-    depth0, depth1 = sequence.depth(index0), sequence.depth(index1)
-    if pose0 is None or pose1 is None or camera0 is None or camera1 is None or (depth0 is None and depth1 is None):
+    if camera0 is None or camera1 is None:
         return None
-    return ViewGeometry(np.linalg.inv(pose1) @ pose0, camera0, camera1, depth0, depth1)
+    pose0, pose1 = sequence.pose(index0), sequence.pose(index1)
+    T_1_0 = None if pose0 is None or pose1 is None else np.linalg.inv(pose1) @ pose0
+    if not depth:
+        return ViewGeometry(T_1_0, camera0, camera1, None, None)
+    depth0, depth1 = sequence.depth(index0), sequence.depth(index1)
+    if depth0 is not None or depth1 is not None:
+        return ViewGeometry(T_1_0, camera0, camera1, depth0, depth1)
+    right0, right1 = sequence.right(index0), sequence.right(index1)
+    return ViewGeometry(T_1_0, camera0, camera1, None, None, right0, right1, sequence.baseline())

@@ -65,7 +65,7 @@ class FixedPairs(Dataset[SourcePair]):
         self, sources: Sequence[Source], choices: Sequence[tuple[int, PairChoice]], default: InlierCheck
     ) -> None:
         self.sources, self.choices = list(sources), list(choices)
-        self.uses_frames = [(source.inliers or default).uses_frames for source in sources]
+        self.checks = [source.inliers or default for source in sources]
 
     def __len__(self) -> int:
         return len(self.choices)
@@ -74,4 +74,5 @@ class FixedPairs(Dataset[SourcePair]):
         """Pair ``index``; raises BadInputError when one of its frames can't be read."""
         at, choice = self.choices[index]
         sequence = self.sources[at].sequences[choice.sequence]
-        return SourcePair(read_pair(sequence, choice.index0, choice.index1, self.uses_frames[at]), at)
+        check = self.checks[at]
+        return SourcePair(read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth), at)

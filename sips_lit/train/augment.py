@@ -86,10 +86,13 @@ def mirror_pair(pair: FramePair, horizontal: bool, vertical: bool) -> FramePair:
         geometry=None
         if g is None
         else ViewGeometry(
-            T_1_0=flip_pose(g.T_1_0, horizontal, vertical),
+            T_1_0=None if g.T_1_0 is None else flip_pose(g.T_1_0, horizontal, vertical),
             camera0=flip_camera(g.camera0, horizontal, vertical),
             camera1=flip_camera(g.camera1, horizontal, vertical),
             depth0=None if g.depth0 is None else mirror(g.depth0),
             depth1=None if g.depth1 is None else mirror(g.depth1),
+            right0=None if g.right0 is None else mirror(g.right0),
+            right1=None if g.right1 is None else mirror(g.right1),
+            baseline=-g.baseline if horizontal and g.baseline is not None else g.baseline,
         ),
     )

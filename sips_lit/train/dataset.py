@@ -30,7 +30,7 @@ class TrainingPairs(Dataset[SourcePair]):
         length: int,
     ) -> None:
         self.sources, self.sampler, self.augmentation, self.length = list(sources), sampler, augmentation, length
-        self.uses_frames = [(source.inliers or default).uses_frames for source in sources]
+        self.checks = [source.inliers or default for source in sources]
 
     def __len__(self) -> int:
         return self.length
@@ -38,9 +38,8 @@ class TrainingPairs(Dataset[SourcePair]):
     def __getitem__(self, index: int) -> SourcePair:
         """Pair ``index``; raises BadInputError when one of its frames can't be read."""
         at, choice = self.sampler.draw(0, index)
-        pair = read_pair(
-            self.sources[at].sequences[choice.sequence], choice.index0, choice.index1, self.uses_frames[at]
-        )
+        sequence, check = self.sources[at].sequences[choice.sequence], self.checks[at]
+        pair = read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
         if self.augmentation is not None:
             pair = self.augmentation(pair, np.random.default_rng([self.sampler.seed, 0, index, 1]))
         return SourcePair(pair, at)

@@ -77,7 +77,7 @@ def test_exact_search_finds_the_smallest_budget(k, seed):
 class Dependent:
     """Calls nothing an inlier unless five matches agree, like an estimated pose."""
 
-    independent, uses_frames, protocol = False, False, {"inliers": "five"}
+    independent, uses_frames, uses_depth, protocol = False, False, False, {"inliers": "five"}
 
     def __init__(self) -> None:
         self.asked: list[Matches] = []

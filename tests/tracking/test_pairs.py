@@ -115,17 +115,37 @@ def test_geometry_maps_points_of_the_first_frame_into_the_second():
     assert (geometry.depth0[0, 0], geometry.depth1[0, 0]) == (3, 5)
 
 
-@pytest.mark.parametrize(
-    ("lacks", "complete"),
-    [(("depth0",), True), (("depth2",), True), (("depth0", "depth2"), False), (("pose",), False), (("camera",), False)],
-)
-def test_geometry_needs_pose_camera_and_one_depth(lacks, complete):
+@pytest.mark.parametrize("lacks", [("depth0",), ("depth2",), ("depth0", "depth2"), ("pose",), ("camera",)])
+def test_geometry_has_what_the_sequence_knows(lacks):
     sequence = Posed(flight(3).frames)
     sequence.lacks = lacks
     geometry = read_pair(sequence, 0, 2).geometry
-    assert (geometry is not None) == complete
+    assert (geometry is None) == ("camera" in lacks)
     if geometry is not None:
+        assert (geometry.T_1_0 is None) == ("pose" in lacks)
         assert (geometry.depth0 is None) == ("depth0" in lacks)
+        assert (geometry.depth1 is None) == ("depth2" in lacks)
+
+
+class Stereo(Posed):
+    def depth(self, index):
+        return None
+
+    def right(self, index):
+        return self.frame(index)[:, ::-1]
+
+    def baseline(self):
+        return 0.3
+
+
+def test_right_images_stand_in_for_depth_maps():
+    sequence = Stereo(flight(3).frames)
+    geometry = read_pair(sequence, 0, 2).geometry
+    assert geometry.baseline == 0.3
+    np.testing.assert_array_equal(geometry.right1, sequence.right(2))
+    without = read_pair(sequence, 0, 2, depth=False).geometry
+    assert without.right0 is None
+    assert without.T_1_0 is not None
 
 
 def test_choices_are_values():

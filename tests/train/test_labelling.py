@@ -27,7 +27,7 @@ POINTS0, POINTS1 = corners(PAIR.image0), corners(PAIR.image1)
 class Dependent:
     """A check that needs all matches at once."""
 
-    independent, uses_frames, protocol = False, False, {"inliers": "all"}
+    independent, uses_frames, uses_depth, protocol = False, False, False, {"inliers": "all"}
 
     def __call__(self, pair, keypoints0, keypoints1, matches):
         self.seen = len(matches)
@@ -37,7 +37,7 @@ class Dependent:
 class HalfKnown:
     """Knows the points whose index is even, and those that an inlier match shows."""
 
-    independent, uses_frames, protocol = True, False, {"inliers": "half"}
+    independent, uses_frames, uses_depth, protocol = True, False, False, {"inliers": "half"}
 
     def __call__(self, pair, keypoints0, keypoints1, matches):
         answer = HomographyInliers()(pair, keypoints0, keypoints1, matches)
