@@ -1,0 +1,93 @@
+"""What a benchmark measured of one detector on one pair set, as plain arrays: metrics, tables and pictures start here.
+
+P pairs, R repeats of a verification that is random (1 otherwise), K values of k, B budgets of points. A failure is infinite;
+what does not apply (pose errors where nobody knows the pose) is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.metrics.calibration import CalibrationResult
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class PairTable:
+    """The P pairs of a pair set, the same for all detectors.
+
+    ``name`` of each; ``overlap`` (P,); ``rotation`` (P,) in degrees and ``translation`` (P,) in metres between the two true
+    poses, NaN where these are not known.
+    """
+
+    name: tuple[str, ...]
+    overlap: FloatArray
+    rotation: FloatArray
+    translation: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+
+@dataclass(frozen=True, slots=True)
+class AtBudget:
+    """What the ``n`` best points of both images gave, for each pair.
+
+    ``matches`` (P,), ``inliers`` and pose errors ``rotation_error`` (degrees) and ``translation_error`` (metres) (P, R);
+    ``repeatability``, ``matching_score`` and ``spread`` (fraction of the cells of a grid that hold an inlier) (P,).
+    """
+
+    n: int
+    matches: IntArray
+    inliers: IntArray
+    rotation_error: FloatArray
+    translation_error: FloatArray
+    repeatability: FloatArray
+    matching_score: FloatArray
+    spread: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorResult:
+    """One detector with one descriptor on one pair set.
+
+    ``n_k`` (P, R, K): points needed for each k of ``ks``, inf = failure; ``rotation_error`` and ``translation_error``
+    (P, R, K): of the pose from the matches at n_k. ``points0`` and ``points1`` (P,): points found when ``n_max`` were asked
+    for. ``budgets``: by n. ``calibration``: by n, for detectors whose scores are probabilities. ``milliseconds``: mean time
+    of each stage (detect and describe: of an image; match, depth, verify: of a pair), empty when all came from the cache.
+    ``defects``: counts of what was wrong with the detector's output. ``protocol``: how all this was obtained.
+    """
+
+    key: str
+    name: str
+    protocol: Mapping[str, Any]
+    pairs: PairTable
+    ks: tuple[int, ...]
+    n_max: int
+    n_k: FloatArray
+    rotation_error: FloatArray
+    translation_error: FloatArray
+    points0: IntArray
+    points1: IntArray
+    budgets: Mapping[int, AtBudget]
+    calibration: Mapping[int, CalibrationResult]
+    milliseconds: Mapping[str, float]
+    defects: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class PairSetResult:
+    """All detectors on one pair set. ``skipped``: detectors that could not run, with the reason in one sentence."""
+
+    key: str
+    title: str
+    protocol: Mapping[str, Any]
+    detectors: tuple[DetectorResult, ...]
+    skipped: Mapping[str, str]
