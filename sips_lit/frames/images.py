@@ -29,6 +29,11 @@ def read_grey(path: str | Path) -> GreyImage:
         data = path.read_bytes()
     except OSError as error:
         raise BadInputError(f"cannot read the image {path}: {error.strerror}") from error
+    return decode_grey(data, str(path))
+
+
+def decode_grey(data: bytes, name: str) -> GreyImage:
+    """The image of a file's bytes as `read_grey` gives it; errors call it ``name``."""
     try:
         # from memory: given the name of a truncated file, OpenCV would return half a picture
         image = cv2.imdecode(np.frombuffer(data, np.uint8), DECODE_FLAGS) if data else None
@@ -36,12 +41,12 @@ def read_grey(path: str | Path) -> GreyImage:
         image = None
     if image is None:
         raise BadInputError(
-            f"{path} is not an image that OpenCV can read, or is truncated or damaged: replace or remove it"
+            f"{name} is not an image that OpenCV can read, or is truncated or damaged: replace or remove it"
         )
-    return _to_8_bits(image, path)
+    return _to_8_bits(image, name)
 
 
-def _to_8_bits(image: NDArray[Any], path: Path) -> GreyImage:
+def _to_8_bits(image: NDArray[Any], name: str) -> GreyImage:
     if image.dtype == np.uint8:
         return np.asarray(image, np.uint8)
     if image.dtype == np.uint16:
@@ -49,19 +54,24 @@ def _to_8_bits(image: NDArray[Any], path: Path) -> GreyImage:
     if image.dtype.kind == "f" and np.all((image >= 0) & (image <= 1)):  # false for NaN
         return np.asarray(image * 255 + 0.5, np.uint8)
     raise BadInputError(
-        f"{path} has values of type {image.dtype} from {image.min()} to {image.max()}: convert it to 8 or 16 bits, or to "
+        f"{name} has values of type {image.dtype} from {image.min()} to {image.max()}: convert it to 8 or 16 bits, or to "
         "floating-point values in [0, 1]"
     )
 
 
+def shrunk_size(size: tuple[int, int], max_side: int | None) -> tuple[int, int]:
+    """The size (W, H) that `resize_max_side` gives an image of that size."""
+    if max_side is None or max(size) <= max_side:
+        return size
+    scale = max_side / max(size)
+    return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
+
+
 def resize_max_side(image: GreyImage, max_side: int | None) -> GreyImage:
     """The image shrunk so that its longer side is at most ``max_side`` pixels; never enlarged."""
-    height, width = image.shape
-    if max_side is None or max(height, width) <= max_side:
-        return image
-    scale = max_side / max(height, width)
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    before = (image.shape[1], image.shape[0])
+    size = shrunk_size(before, max_side)
+    return image if size == before else np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def list_images(folder: str | Path) -> list[Path]:
