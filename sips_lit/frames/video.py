@@ -73,7 +73,7 @@ def video(
         raise BadInputError(
             f"a video needs max_frames >= 2, stride >= 1 and max_side >= 16, not {max_frames}, {stride} and {max_side}"
         )
-    files = _find_videos(path)
+    files = find_videos(path)
     shots: list[ImageSequence] = []
     names: set[str] = set()
     for file in dict.fromkeys(file.absolute() for file in files):
@@ -86,9 +86,10 @@ def video(
     return shots
 
 
-def _find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:
+def find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:
+    """The files of a video, a folder of videos, a glob, or a list of these. Raises BadInputError where there is none."""
     if not isinstance(path, str | Path):
-        return [file for part in path for file in _find_videos(part)]
+        return [file for part in path for file in find_videos(part)]
     root = Path(path)
     if root.is_dir():
         visible = sorted(file for file in root.iterdir() if not file.name.startswith("."))
