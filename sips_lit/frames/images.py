@@ -77,10 +77,10 @@ def resize_max_side(image: GreyImage, max_side: int | None) -> GreyImage:
 def list_images(folder: str | Path) -> list[Path]:
     """The image files of a folder in natural order (img2 before img10); hidden and other files are passed over."""
     files = [p for p in Path(folder).iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
-    return sorted((p for p in files if p.is_file()), key=lambda p: (_natural(p.name), p.name))
+    return sorted((p for p in files if p.is_file()), key=lambda p: (natural(p.name), p.name))
 
 
-def _natural(name: str) -> list[tuple[int, int, str]]:
+def natural(name: str) -> list[tuple[int, int, str]]:
     """A sort key in which runs of digits compare as numbers."""
     parts = re.split(r"(\d+)", name)
     return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
