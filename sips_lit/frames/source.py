@@ -53,6 +53,7 @@ class FrameRange(ImageSequence):
         self.whole, self.start, self.stop = whole, start, stop
         self.name = f"{whole.name}_{start}to{stop}"
         self.fingerprint = f"{whole.fingerprint}[{start}:{stop}]"
+        self.temporal = whole.temporal
 
     def __len__(self) -> int:
         return self.stop - self.start

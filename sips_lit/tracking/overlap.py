@@ -49,7 +49,7 @@ class OverlapIndex:
     """Overlap of each of N frames with its later frames, until none is left.
 
     Row i of the table is ``survivors[offsets[i]:offsets[i + 1]]``: how many of the ``points[i]`` points of frame i are still
-    tracked in frames i + 1, i + 2, ...; it never grows along a row.
+    tracked in frames i + 1, i + 2, ...; it never grows along a row, unless the order of the frames means nothing.
     """
 
     survivors: NDArray[np.uint16]
@@ -66,11 +66,15 @@ class OverlapIndex:
         return overlap
 
     def reach(self, overlap: float) -> NDArray[np.int64]:
-        """For each frame (N,) how many frames further the last one is that still has at least this overlap."""
+        """For each frame (N,) how many later frames still have at least this overlap."""
         row_of = np.repeat(np.arange(len(self)), np.diff(self.offsets))
         # the quotient as in `overlap`: a product of the target would miss some that are reached exactly
         enough = self.survivors / np.maximum(1, self.points[row_of]) >= max(overlap, 1e-9)
         return np.bincount(row_of, weights=enough, minlength=len(self)).astype(np.int64)
+
+    def partners(self, index: int, overlap: float) -> NDArray[np.int64]:
+        """The later frames that `reach` counts for frame ``index``, in order."""
+        return index + 1 + np.flatnonzero(self.overlap(index) >= max(overlap, 1e-9))
 
 
 def measure_overlap(
@@ -93,22 +97,28 @@ def measure_overlap(
 
 
 def _map_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator[tuple[int, int, list[list[int]]]]:
-    """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view."""
-    height, width = sequence.frame(0).shape
+    """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view.
+
+    Where the order of the frames means nothing a point need not be in view in the frames between.
+    """
     spacing = parameters.spacing
-    grid = np.mgrid[spacing // 2 : width : spacing, spacing // 2 : height : spacing].reshape(2, -1).T.astype(np.float64)
-    for index in range(len(sequence)):
+    sizes = [sequence.frame(i).shape[::-1] for i in range(1 if sequence.temporal else len(sequence))]
+    sizes = sizes * len(sequence) if sequence.temporal else sizes  # the frames of a moving camera have one size
+    for index, (width, height) in enumerate(sizes):
         row: list[int] = []
-        seen = grid
+        grid = np.mgrid[spacing // 2 : width : spacing, spacing // 2 : height : spacing].reshape(2, -1).T
+        seen = grid.astype(np.float64)
         for later in range(index + 1, min(len(sequence), index + 1 + parameters.max_span)):
             H = sequence.homography(index, later)
             assert H is not None
             with np.errstate(invalid="ignore"):
                 moved = apply_homography(H, seen)
-                seen = seen[((moved >= 0) & (moved <= [width - 1, height - 1])).all(1)]
-            if not len(seen):
-                break
-            row.append(len(seen))
+                inside = ((moved >= 0) & (moved <= np.array(sizes[later]) - 1)).all(1)
+            if sequence.temporal:
+                seen = seen[inside]
+                if not len(seen):
+                    break
+            row.append(int(inside.sum()))
         yield index, len(grid), [row]
 
 

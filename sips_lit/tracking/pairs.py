@@ -31,7 +31,7 @@ class PairSampler:
     def __init__(self, indexes: Sequence[OverlapIndex], overlap: float, seed: int, names: Sequence[str] = ()) -> None:
         reaches = [index.reach(overlap) for index in indexes]
         eligible = [np.flatnonzero(reach) for reach in reaches]
-        self.seed = seed
+        self.seed, self.overlap, self.indexes = seed, overlap, list(indexes)
         self._sequence = np.repeat(np.arange(len(indexes)), [len(e) for e in eligible])
         self._frame = np.concatenate([*eligible, np.zeros(0, np.int64)])
         self._reach = np.concatenate([*(r[e] for r, e in zip(reaches, eligible, strict=True)), np.zeros(0, np.int64)])
@@ -49,17 +49,25 @@ class PairSampler:
         generator = np.random.default_rng([self.seed, epoch, index])
         at = int(generator.integers(len(self._frame)))
         first = int(self._frame[at])
-        second = first + int(generator.integers(1, self._reach[at] + 1))
+        which = int(generator.integers(1, self._reach[at] + 1)) - 1
+        sequence = int(self._sequence[at])
+        second = int(self.indexes[sequence].partners(first, self.overlap)[which])
         if generator.random() < 0.5:
             first, second = second, first
-        return PairChoice(int(self._sequence[at]), first, second)
+        return PairChoice(sequence, first, second)
 
 
 def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool = True, depth: bool = True) -> FramePair:
     """Frames ``index0`` and ``index1`` and what is known about them.
 
-    Without ``between`` the frames between are not read, without ``depth`` neither depth maps nor right images.
+    Without ``between`` the frames between are not read, without ``depth`` neither depth maps nor right images. Raises
+    BadInputError where frames between are asked for and the order of the frames means nothing.
     """
+    if between and not sequence.temporal:
+        raise BadInputError(
+            f"the images of {sequence.name} are in no order, so points can't be tracked through those between two of them: "
+            "choose another source of inliers, such as inliers=homography"
+        )
     step = 1 if index1 > index0 else -1
     indices = range(index0, index1 + step, step) if between else (index0, index1)
     frames = tuple(sequence.frame(index) for index in indices)
