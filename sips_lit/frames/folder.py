@@ -22,7 +22,7 @@ class FolderSequence(ImageSequence):
         self.name = safe_name(name or folder.resolve().name)
         stats = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in self.files]
         self.fingerprint = hashlib.sha256(repr((stats, max_side)).encode()).hexdigest()[:16]
-        self._size: tuple[int, ...] | None = None
+        self._size: tuple[int, int] | None = None
 
     def __len__(self) -> int:
         return len(self.files)
@@ -30,14 +30,23 @@ class FolderSequence(ImageSequence):
     def frame(self, index: int) -> GreyImage:
         """Frame ``index``. Raises BadInputError when it can't be read or is not of the size of the first frame."""
         image = read_grey(self.files[index])
-        if self._size is None:
-            self._size = image.shape if index == 0 else read_grey(self.files[0]).shape
-        if image.shape != self._size:
+        height, width = image.shape
+        if index == 0:
+            self._size = (width, height)
+        if (width, height) != self.size:
             raise BadInputError(
-                f"{self.files[index]} is {image.shape[1]}x{image.shape[0]}, but {self.files[0].name} is "
-                f"{self._size[1]}x{self._size[0]}: the images of a sequence must have one size; put others in another folder"
+                f"{self.files[index]} is {width}x{height}, but {self.files[0].name} is {self.size[0]}x{self.size[1]}: the "
+                "images of a sequence must have one size; put others in another folder"
             )
         return resize_max_side(image, self.max_side)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(W, H) of the files in pixels, before they are shrunk."""
+        if self._size is None:
+            height, width = read_grey(self.files[0]).shape
+            self._size = (width, height)
+        return self._size
 
     def frame_name(self, index: int) -> str:
         """The file's name without its suffix."""
