@@ -1,0 +1,110 @@
+"""Features on disk: each image is detected and described once, whatever is then measured, in this run or a later one."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sips_lit.atomic import make_folder, write_whole
+from sips_lit.baselines.checked import Defects, checked
+from sips_lit.evaluate.contender import Contender
+from sips_lit.evaluate.features import extract
+from sips_lit.types import Features, GreyImage, Keypoints
+
+
+@dataclass(frozen=True, slots=True)
+class ImageFeatures:
+    """Legal features of an image, what was wrong with them before, and how long they took when they were computed.
+
+    ``milliseconds``: of ``detect``, and of ``describe`` unless the detector describes its points itself.
+    """
+
+    features: Features
+    defects: Defects
+    milliseconds: dict[str, float]
+
+
+class FeatureCache:
+    """Features of a contender in ``folder``, one file an image, named by the image's content.
+
+    Another detector, descriptor, setting, weight, library version or ``n`` is another folder, so nothing stale is ever
+    read. A file is written whole or not at all; a damaged one is computed again. Thread-safe where the detector is.
+    """
+
+    def __init__(self, folder: str | Path, contender: Contender, n: int) -> None:
+        self.contender, self.n = contender, n
+        text = json.dumps({**contender.signature, "n": n}, sort_keys=True, default=str)
+        self.folder = Path(folder) / f"{contender.key}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        self._signature = text
+        self._warm = False
+
+    def __call__(self, key: str, image: Callable[[], GreyImage]) -> ImageFeatures:
+        """Features of the image with content ``key`` (see `image_key`); ``image`` reads it, if that is necessary."""
+        path = self.folder / f"{key}.npz"
+        stored = _load(path)
+        if stored is None:
+            stored = self._compute(image())
+            if not (self.folder / "signature.json").exists():
+                make_folder(self.folder)
+                write_whole(self.folder / "signature.json", self._signature.encode())
+            write_whole(path, _as_bytes(stored))
+        return stored
+
+    def _compute(self, image: GreyImage) -> ImageFeatures:
+        if not self._warm:  # the first call loads libraries and compiles: no time to report
+            self._warm = True
+            _timed_extract(self.contender, image, self.n)
+        return _timed_extract(self.contender, image, self.n)
+
+
+def image_key(image: GreyImage) -> str:
+    """A hash of the content of an image (H, W)."""
+    salt = "x".join(map(str, image.shape)).encode()[:16]
+    return hashlib.blake2b(np.ascontiguousarray(image).data, digest_size=16, salt=salt).hexdigest()
+
+
+def _timed_extract(contender: Contender, image: GreyImage, n: int) -> ImageFeatures:
+    begin = time.perf_counter()
+    if contender.descriptor is None:
+        own, defects = checked(extract(contender.detector, None, image, n), image.shape, n)
+        return ImageFeatures(own, defects, {"detect": 1e3 * (time.perf_counter() - begin)})
+    keypoints, defects = checked(contender.detector.detect(image, n), image.shape, n)
+    detected = time.perf_counter()
+    descriptors = contender.descriptor.describe(image, keypoints)
+    milliseconds = {"detect": 1e3 * (detected - begin), "describe": 1e3 * (time.perf_counter() - detected)}
+    return ImageFeatures(Features(keypoints, descriptors, contender.descriptor.norm), defects, milliseconds)
+
+
+def _as_bytes(entry: ImageFeatures) -> bytes:
+    content, f = io.BytesIO(), entry.features
+    about = {"norm": f.norm, "defects": asdict(entry.defects), "milliseconds": entry.milliseconds}
+    np.savez(
+        content,
+        xy=f.keypoints.xy,
+        score=f.keypoints.score,
+        scale=f.keypoints.scale,
+        descriptors=f.descriptors,
+        about=np.array(json.dumps(about)),
+    )
+    return content.getvalue()
+
+
+def _load(path: Path) -> ImageFeatures | None:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            about: dict[str, Any] = json.loads(str(stored["about"]))
+            keypoints = Keypoints(stored["xy"], stored["score"], stored["scale"])
+            features = Features(keypoints, stored["descriptors"], about["norm"])
+            if not len(keypoints.xy) == len(keypoints.score) == len(keypoints.scale) == len(features.descriptors):
+                return None
+            return ImageFeatures(features, Defects(**about["defects"]), dict(about["milliseconds"]))
+    except Exception:  # a damaged zip file can raise almost anything, and features can always be computed again
+        return None

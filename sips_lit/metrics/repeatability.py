@@ -1,0 +1,131 @@
+"""Repeatability and matching score: how many points are found again, and how many of them are matched rightly.
+
+Both are fractions of the points in the common view, as in Mikolajczyk and Schmid ("A performance evaluation of local
+descriptors", PAMI 2005; "Scale and affine invariant interest point detectors", IJCV 2004) and, with points instead of
+regions, in HPatches (Balntas et al., CVPR 2017) and SuperPoint (DeTone et al., 2018):
+
+    repeatability  = correspondences / min(N0, N1)        matching score = correct matches / min(N0, N1)
+
+N0 are the points of image 0 that image 1 sees, N1 those of image 1 that image 0 sees. Two points correspond if each, moved
+to the other image by the true geometry, is within ``threshold`` pixels of the other and no point is nearer to either of
+them: so nobody is counted twice. (SuperPoint counts every point that has some point near it, which many points in one
+place inflate.) A match is correct if its points are that near.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.match.mutual_nearest import mutual_nearest
+from sips_lit.types import Camera, FloatArray, FramePair, Matches
+
+
+@dataclass(frozen=True, slots=True)
+class MovedPoints:
+    """The N points of one image as the other sees them.
+
+    ``xy`` (N, 2): their places in the other image, NaN where unknown; ``known`` (N,): whether it is known if the other
+    image sees them; ``visible`` (N,): that it does.
+    """
+
+    xy: NDArray[np.float64]
+    known: NDArray[np.bool_]
+    visible: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated:
+    """Repeatability and matching score of a pair; NaN where the truth is known of no point."""
+
+    repeatability: float
+    matching_score: float
+
+
+def move_points(
+    pair: FramePair, xy0: FloatArray, xy1: FloatArray, occlusion: float = 0.05
+) -> tuple[MovedPoints, MovedPoints] | None:
+    """Points (N0, 2) and (N1, 2) of a pair moved to the other image; None where neither homography nor depth is known.
+
+    With depth maps a point is hidden where the other's surface is nearer by more than ``occlusion`` (relative). Where
+    only one image has a depth map, the points of the other can't be moved and all count as visible.
+    """
+    if pair.homography is not None:
+        H = pair.homography
+        return _by_homography(H, xy0, pair.image1.shape), _by_homography(np.linalg.inv(H), xy1, pair.image0.shape)
+    g = pair.geometry
+    if g is None or g.T_1_0 is None or (g.depth0 is None and g.depth1 is None):
+        return None
+    forth = _by_depth(xy0, g.depth0, g.depth1, g.camera0, g.camera1, g.T_1_0, occlusion)
+    back = _by_depth(xy1, g.depth1, g.depth0, g.camera1, g.camera0, np.linalg.inv(g.T_1_0), occlusion)
+    return forth, back
+
+
+def repeated(
+    xy0: FloatArray,
+    xy1: FloatArray,
+    moved0: MovedPoints,
+    moved1: MovedPoints,
+    matches: Matches,
+    threshold: float = 3.0,
+) -> Repeated:
+    """Both measures of points (N0, 2) and (N1, 2), from where they move to and from how they were matched.
+
+    Zero where an image has no point that the other sees; NaN where there are points but nothing is known of them.
+    """
+    if (len(xy0) and not moved0.known.any()) or (len(xy1) and not moved1.known.any()):
+        return Repeated(float("nan"), float("nan"))
+    seen = min(int(moved0.visible.sum()), int(moved1.visible.sum()))
+    if not seen:
+        return Repeated(0.0, 0.0)
+    distance = _distances(xy0, xy1, moved0, moved1)
+    nearest = mutual_nearest(distance)
+    corresponding = int((distance[nearest.index0, nearest.index1] <= threshold).sum())
+    correct = int((distance[matches.index0, matches.index1] <= threshold).sum())
+    return Repeated(corresponding / seen, correct / seen)
+
+
+def _distances(xy0: FloatArray, xy1: FloatArray, moved0: MovedPoints, moved1: MovedPoints) -> NDArray[np.float64]:
+    """(N0, N1) larger of the distances in both images, or the one that is known; inf where a point is not visible."""
+    in1 = np.linalg.norm(moved0.xy[:, None] - xy1[None], axis=2)
+    in0 = np.linalg.norm(xy0[:, None] - moved1.xy[None], axis=2)
+    distance = np.fmax(in1, in0)
+    distance[~(moved0.visible[:, None] & moved1.visible[None])] = np.inf
+    return np.where(np.isnan(distance), np.inf, distance)
+
+
+def _by_homography(H: FloatArray, xy: FloatArray, shape: tuple[int, ...]) -> MovedPoints:
+    moved = apply_homography(H, xy)
+    return MovedPoints(moved, np.ones(len(xy), np.bool_), _inside(moved, (shape[1], shape[0])))
+
+
+def _by_depth(
+    xy: FloatArray,
+    depth: FloatArray | None,
+    depth_there: FloatArray | None,
+    camera: Camera,
+    camera_there: Camera,
+    T_there_here: FloatArray,
+    occlusion: float,
+) -> MovedPoints:
+    if depth is None:
+        everything = np.ones(len(xy), np.bool_)
+        return MovedPoints(np.full((len(xy), 2), np.nan), everything, everything)
+    own = sample_depth(depth, xy)
+    moved, distance = transfer(xy, own, camera, camera_there, T_there_here)
+    visible = _inside(moved, camera_there.size)
+    if depth_there is not None:
+        surface = sample_depth(depth_there, np.where(np.isfinite(moved), moved, -10))
+        with np.errstate(invalid="ignore"):
+            visible &= ~np.asarray(surface < distance * (1 - occlusion))
+    return MovedPoints(moved, np.isfinite(own), visible)
+
+
+def _inside(xy: FloatArray, size: tuple[int, int]) -> NDArray[np.bool_]:
+    with np.errstate(invalid="ignore"):
+        inside: NDArray[np.bool_] = np.all((xy >= -0.5) & (xy <= np.array(size) - 0.5), axis=1)
+    return inside

@@ -1,0 +1,124 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sips_lit.metrics.repeatability import MovedPoints, move_points, repeated
+from sips_lit.types import Camera, FramePair, Matches, ViewGeometry
+
+NO_MATCH = Matches(np.zeros(0, np.int64), np.zeros(0, np.int64))
+IMAGE = np.zeros((100, 200), np.uint8)
+
+
+def points(*xy) -> np.ndarray:
+    return np.array(xy, np.float64).reshape(-1, 2)
+
+
+def planar(H) -> FramePair:
+    return FramePair("p", 0, 1, (IMAGE, IMAGE), IMAGE, IMAGE, np.array(H, float))
+
+
+def shifted(dx: float) -> FramePair:
+    return planar([[1, 0, dx], [0, 1, 0], [0, 0, 1]])
+
+
+def measure(pair, xy0, xy1, matches=NO_MATCH, threshold=3.0):
+    return repeated(xy0, xy1, *move_points(pair, xy0, xy1), matches, threshold)
+
+
+def test_counted_by_hand():
+    # moved by 50: (180, 50) leaves image 1; (20, 90) of image 1 comes from outside of image 0
+    xy0 = points((10, 10), (40, 40), (100, 80), (180, 50))
+    xy1 = points((60, 12), (90, 44), (150, 80), (20, 90), (120, 20))
+    matches = Matches(np.array([0, 1, 3]), np.array([0, 1, 2]))
+    result = measure(shifted(50), xy0, xy1, matches)
+    # three points of image 0 and four of image 1 are in the common view; 2 px and 0 px are near, 4 px is not
+    assert result.repeatability == pytest.approx(2 / 3)
+    assert result.matching_score == pytest.approx(1 / 3)
+    assert measure(shifted(50), xy0, xy1, matches, 4.0).repeatability == 1
+    assert measure(shifted(50), xy0, xy1, matches, 4.0).matching_score == pytest.approx(2 / 3)
+
+
+def test_many_points_in_one_place_count_once():
+    xy0, xy1 = points((50, 50)), points((50, 50), (50.5, 50), (51, 50), (50, 51))
+    assert measure(shifted(0), xy0, xy1).repeatability == 1
+    crowd = points((50, 50), (50.5, 50), (51, 50), (120, 20))
+    assert measure(shifted(0), crowd, points((50, 50), (10, 80), (10, 90), (10, 70))).repeatability == 1 / 4
+
+
+def test_the_larger_distance_of_both_images_counts():
+    zoom = planar([[2, 0, 0], [0, 2, 0], [0, 0, 1]])
+    # 2 px apart in image 0 and 4 px in image 1
+    assert measure(zoom, points((20, 20)), points((44, 40))).repeatability == 0
+    assert measure(zoom, points((20, 20)), points((42, 40))).repeatability == 1
+
+
+@pytest.mark.parametrize("empty", [0, 1, 2])
+def test_no_points(empty):
+    xy = [points((50, 50)), points((50, 50))]
+    for image in (0, 1):
+        if empty in (image, 2):
+            xy[image] = points()
+    result = measure(shifted(0), *xy)
+    assert (result.repeatability, result.matching_score) == (0, 0)
+
+
+def test_nothing_in_the_common_view():
+    assert measure(shifted(500), points((5, 5)), points((6, 6))).repeatability == 0
+
+
+def test_no_truth():
+    assert move_points(FramePair("p", 0, 1, (IMAGE,), IMAGE, IMAGE), points(), points()) is None
+    unknown = MovedPoints(np.full((2, 2), np.nan), np.zeros(2, bool), np.zeros(2, bool))
+    known = MovedPoints(points((1, 1)), np.ones(1, bool), np.ones(1, bool))
+    assert math.isnan(repeated(points((1, 1), (2, 2)), points((1, 1)), unknown, known, NO_MATCH).repeatability)
+
+
+def stereo(depth0, depth1) -> FramePair:
+    """Camera 1 is 1 m to the right: at depth z a point moves by 100 / z to the left."""
+    camera = Camera(np.array([[100.0, 0, 100], [0, 100, 50], [0, 0, 1]]), (200, 100))
+    T = np.eye(4)
+    T[0, 3] = -1
+    return FramePair("p", 0, 1, (IMAGE, IMAGE), IMAGE, IMAGE, None, ViewGeometry(T, camera, camera, depth0, depth1))
+
+
+def test_by_depth():
+    depth = np.full((100, 200), 10.0)
+    depth[:, :100] = 5.0
+    depth[:50, 150:] = np.nan
+    pair = stereo(depth, None)
+    xy0 = points((120, 20), (60, 20), (10, 20), (160, 20))
+    moved0, moved1 = move_points(pair, xy0, points((3, 3)))
+    np.testing.assert_allclose(moved0.xy[:3], [[110, 20], [40, 20], [-10, 20]])
+    assert np.isnan(moved0.xy[3]).all()
+    assert moved0.known.tolist() == [True, True, True, False]
+    assert moved0.visible.tolist() == [True, True, False, False]
+    assert moved1.visible.tolist() == [True]
+    # 160 is unknown and 10 leaves: two points count
+    assert measure(pair, xy0, points((111, 20), (100, 90), (150, 90))).repeatability == 1 / 2
+
+
+def test_hidden_by_a_nearer_surface():
+    far, near = np.full((100, 200), 10.0), np.full((100, 200), 9.0)
+    assert not move_points(stereo(far, near), points((120, 20)), points())[0].visible.any()
+    assert move_points(stereo(far, 9.6 * np.ones((100, 200))), points((120, 20)), points())[0].visible.all()
+
+
+coordinates = st.lists(st.tuples(st.integers(0, 60), st.integers(0, 60)), max_size=8)
+
+
+@settings(max_examples=60, deadline=None)
+@given(coordinates, coordinates, st.integers(0, 6))
+def test_the_slow_twin(left, right, threshold):
+    """Mutual nearest neighbours one by one, where nothing moves and everything is seen."""
+    found = 0
+    for i, p in enumerate(left):
+        to = [math.dist(p, q) for q in right]
+        if to and min(to) <= threshold:
+            j = to.index(min(to))
+            back = [math.dist(r, right[j]) for r in left]
+            found += back.index(min(back)) == i
+    result = measure(shifted(0), points(*left), points(*right), threshold=threshold)
+    assert result.repeatability == pytest.approx(found / max(1, min(len(left), len(right))))
