@@ -183,3 +183,30 @@ def test_signature_changes_with_everything_that_matters():
     ]
     assert OverlapParameters().signature(film(3)) == base
     assert all(signature != base for signature in changed)
+
+
+class Unordered(ArraySequence):
+    """Views of one plane in no order."""
+
+    temporal = False
+
+
+def views(*windows: tuple[int, int, int, int]) -> Unordered:
+    """Upright views of a plane, one for each window (x, y, W, H) of it."""
+    frames = [np.zeros((height, width), np.uint8) for _, _, width, height in windows]
+    return Unordered(frames, "views", [np.array([[1, 0, -x], [0, 1, -y], [0, 0, 1.0]]) for x, y, _, _ in windows])
+
+
+def test_without_an_order_each_pair_is_judged_by_itself_and_sizes_may_differ():
+    # a wide view, a small part of it, another part apart from that one, the wide view taller
+    sequence = views((0, 0, 160, 120), (10, 10, 40, 40), (100, 60, 60, 40), (0, 0, 160, 200))
+    index = measure_overlap(sequence, OverlapParameters(spacing=10))
+    assert index.points.tolist() == [16 * 12, 4 * 4, 6 * 4, 16 * 20]
+    np.testing.assert_allclose(index.overlap(0) * 192, [16, 24, 192])
+    np.testing.assert_allclose(index.overlap(1) * 16, [0, 16])  # nothing in common, then all of it
+    np.testing.assert_allclose(index.overlap(2) * 24, [24])
+    assert index.reach(0.5).tolist() == [1, 1, 1, 0]
+    assert index.partners(0, 0.5).tolist() == [3]
+    assert index.partners(0, 0.05).tolist() == [1, 2, 3]
+    assert index.partners(1, 0.0).tolist() == [3]
+    assert index.partners(3, 0.0).tolist() == []

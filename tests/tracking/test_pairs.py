@@ -151,3 +151,10 @@ def test_right_images_stand_in_for_depth_maps():
 def test_choices_are_values():
     assert PairChoice(0, 1, 2) == PairChoice(0, 1, 2)
     assert len({PairChoice(0, 1, 2), PairChoice(0, 1, 2), PairChoice(0, 2, 1)}) == 2
+
+
+def test_partners_of_unordered_frames_need_not_be_the_next_ones():
+    index = index_of([[2, 9, 0, 7], [0, 0, 10], [9], [1], []])  # at 0.5: 0-2, 0-4, 1-4, 2-3
+    sampler = PairSampler([FIRST, index], 0.5, seed=3)
+    drawn = {(c.index0, c.index1) for c in (sampler.draw(0, i) for i in range(400)) if c.sequence == 1}
+    assert {tuple(sorted(pair)) for pair in drawn} == {(0, 2), (0, 4), (1, 4), (2, 3)}
