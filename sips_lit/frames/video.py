@@ -7,7 +7,8 @@ import hashlib
 import itertools
 import json
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,20 @@ class VideoShot(ImageSequence):
         return {**self.__dict__, "_frames": None}  # each process maps the file itself
 
 
+@dataclass(frozen=True, slots=True)
+class VideoFile:
+    """A video by its ``name`` and how it is decoded; nothing of it is read before `shots`."""
+
+    file: Path
+    name: str
+    cache_dir: Path
+    parameters: Mapping[str, int | None]
+
+    def shots(self) -> list[ImageSequence]:
+        """Its shots of two frames or more. Raises BadInputError for a file without frames, and a disk that is too full."""
+        return _shots(self.file, self.name, self.cache_dir, dict(self.parameters))
+
+
 def video(
     path: str | Path | Sequence[str | Path],
     cache_dir: str | Path,
@@ -62,43 +77,73 @@ def video(
     max_frames: int = 5000,
     stride: int = 1,
 ) -> list[ImageSequence]:
-    """The shots of a video file, of all videos of a folder or glob, or of a list of these.
+    """The shots of the videos that `find_videos` finds.
 
     Every ``stride``-th frame is kept, at most ``max_frames`` of each video, shrunk to ``max_side`` pixels. Frames are
     decoded once into ``cache_dir``; an interrupted decoding goes on where it stopped, a changed video or parameter starts
     it anew. Shots of fewer than two frames are left out. Raises BadInputError for a missing file, one without frames, and
     a disk that is too full.
     """
-    if max_frames < 2 or stride < 1 or (max_side is not None and max_side < 16):
-        raise BadInputError(
-            f"a video needs max_frames >= 2, stride >= 1 and max_side >= 16, not {max_frames}, {stride} and {max_side}"
-        )
-    files = find_videos(path)
-    shots: list[ImageSequence] = []
-    names: set[str] = set()
-    for file in dict.fromkeys(file.absolute() for file in files):
-        name = safe_name(file.stem)
-        name = name if name not in names else f"{name}_{hashlib.sha256(str(file).encode()).hexdigest()[:6]}"
-        names.add(name)
-        shots += _shots(file, name, Path(cache_dir), {"max_side": max_side, "max_frames": max_frames, "stride": stride})
+    files = video_files(path, cache_dir, max_side, max_frames, stride)
+    shots = [shot for file in files for shot in file.shots()]
     if not shots:
         raise BadInputError(f"{path} has no shot of two frames or more")
     return shots
 
 
+def video_files(
+    path: str | Path | Sequence[str | Path],
+    cache_dir: str | Path,
+    max_side: int | None = 640,
+    max_frames: int = 5000,
+    stride: int = 1,
+) -> list[VideoFile]:
+    """The videos of `video` before any is decoded, each with a name of its own."""
+    if max_frames < 2 or stride < 1 or (max_side is not None and max_side < 16):
+        raise BadInputError(
+            f"a video needs max_frames >= 2, stride >= 1 and max_side >= 16, not {max_frames}, {stride} and {max_side}"
+        )
+    parameters = {"max_side": max_side, "max_frames": max_frames, "stride": stride}
+    files: dict[str, VideoFile] = {}
+    for file in dict.fromkeys(file.absolute() for file in find_videos(path)):
+        name = safe_name(file.stem)
+        name = name if name not in files else f"{name}_{hashlib.sha256(str(file).encode()).hexdigest()[:6]}"
+        files[name] = VideoFile(file, name, Path(cache_dir), parameters)
+    return list(files.values())
+
+
 def find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:
-    """The files of a video, a folder of videos, a glob, or a list of these. Raises BadInputError where there is none."""
+    """The files of a video, a folder of videos, a glob, a text file (.txt) with one of these a line, or a list of these.
+
+    Paths in a text file are relative to its folder; empty lines and those that begin with # are passed over. Raises
+    BadInputError where there is none.
+    """
     if not isinstance(path, str | Path):
         return [file for part in path for file in find_videos(part)]
     root = Path(path)
     if root.is_dir():
         visible = sorted(file for file in root.iterdir() if not file.name.startswith("."))
         found = [file for file in visible if file.suffix.lower() in VIDEO_SUFFIXES]
+    elif root.is_file():
+        found = find_videos(_lines(root)) if root.suffix.lower() == ".txt" else [root]
     else:
-        found = [root] if root.is_file() else _matching(str(path))
+        found = _matching(str(path))
     if not found:
-        raise BadInputError(f"there is no video {path}: data.path must be a video file, a folder of videos or a glob")
+        raise BadInputError(
+            f"there is no video {path}: data.path must be a video file, a folder of videos, a glob, or a .txt file of these"
+        )
     return found
+
+
+def _lines(file: Path) -> list[Path]:
+    try:
+        lines = [line.strip() for line in file.read_text(encoding="utf-8").splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInputError(f"cannot read {file} as a list of videos ({error}): write one path a line") from error
+    entries = [file.parent / line for line in lines if line and not line.startswith("#")]
+    if any(entry.suffix.lower() == ".txt" for entry in entries):
+        raise BadInputError(f"{file} names another list: write videos, folders or globs into it, one a line")
+    return entries
 
 
 def _matching(pattern: str) -> list[Path]:
@@ -161,7 +206,9 @@ def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> tupl
         frames.touch()
         with (
             frames.open("r+b") as handle,
-            tqdm(total=total, initial=done, desc=f"decoding {file.name}", unit="frame", delay=2) as progress,
+            tqdm(
+                total=total, initial=done, desc=f"decoding {file.name}", unit="frame", delay=2, leave=None
+            ) as progress,
         ):
             handle.seek(done * height * width)  # a kill may have left part of a frame, which is written over
             for index, image in enumerate(_frames_of(capture, first, parameters, done), start=done):

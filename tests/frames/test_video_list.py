@@ -1,0 +1,62 @@
+from pathlib import Path
+
+import pytest
+from textured_scenes import flight
+from video_files import write_video
+
+from sips_lit.errors import BadInputError
+from sips_lit.frames.video import find_videos, video, video_files
+
+
+@pytest.fixture
+def videos(tmp_path: Path) -> Path:
+    """Two videos in a folder, a third in a folder below."""
+    (tmp_path / "videos" / "more").mkdir(parents=True)
+    for name in ("b", "a", "more/a"):
+        write_video(tmp_path / "videos" / f"{name}.avi", flight(3, size=(64, 48)).frames)
+    return tmp_path / "videos"
+
+
+def listed(folder: Path, *lines: str) -> Path:
+    path = folder / "list.txt"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_a_list_names_files_folders_and_globs_relative_to_itself(videos, monkeypatch):
+    monkeypatch.chdir("/")
+    path = listed(videos, "# chosen by hand", "b.avi", "", "  more  ", "*.avi", f"{videos}/a.avi")
+    assert find_videos(path) == [videos / n for n in ("b.avi", "more/a.avi", "a.avi", "b.avi", "a.avi")]
+    assert [shot.name for shot in video(path, videos / "cache")][:2] == ["b", "a"]
+    assert len(video(path, videos / "cache")) == 3  # each once
+
+
+@pytest.mark.parametrize(
+    ("lines", "sentence"),
+    [
+        (("a.avi", "gone.avi"), r"there is no video .*/videos/gone\.avi"),
+        (("# nothing",), r"there is no video .*list\.txt"),
+        (("list.txt",), r"list\.txt names another list"),
+    ],
+)
+def test_wrong_lists(videos, lines, sentence):
+    with pytest.raises(BadInputError, match=sentence):
+        find_videos(listed(videos, *lines))
+
+
+def test_a_list_that_is_no_text(videos):
+    (videos / "list.txt").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(BadInputError, match=r"cannot read .*list\.txt as a list of videos"):
+        find_videos(videos / "list.txt")
+
+
+def test_nothing_is_decoded_before_it_is_asked_for(videos, tmp_path):
+    files = video_files(videos / "**" / "*.avi", tmp_path / "cache")
+    assert not (tmp_path / "cache").exists()
+    assert [file.file for file in files] == [videos / n for n in ("a.avi", "b.avi", "more/a.avi")]
+    assert len({file.name for file in files}) == 3
+    (shot,) = files[1].shots()
+    assert [folder.name[:2] for folder in (tmp_path / "cache").iterdir()] == ["b-"]
+    eager = video(videos / "**" / "*.avi", tmp_path / "cache")
+    assert (eager[1].name, eager[1].fingerprint) == (shot.name, shot.fingerprint)
+    assert [shot.name for shot in eager] == [file.name for file in files]
