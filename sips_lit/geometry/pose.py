@@ -1,0 +1,36 @@
+"""An estimated relative pose, and how far it is from the true one (paper, pose errors)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class PoseEstimate:
+    """``T_1_0`` (4, 4) float64 or None without a pose, and which of the M correspondences agree with it, (M,) bool."""
+
+    T_1_0: NDArray[np.float64] | None
+    inlier: NDArray[np.bool_]
+
+    @property
+    def inliers(self) -> int:
+        """How many agree."""
+        return int(self.inlier.sum())
+
+
+def translation_error(estimate: FloatArray, truth: FloatArray) -> float:
+    """Euclidean distance of the translations of two poses (4, 4), in their unit (metres)."""
+    return float(np.linalg.norm(np.asarray(estimate, np.float64)[:3, 3] - np.asarray(truth, np.float64)[:3, 3]))
+
+
+def rotation_error(estimate: FloatArray, truth: FloatArray) -> float:
+    """Geodesic distance of the rotations of two poses (4, 4), in degrees."""
+    R = np.asarray(estimate, np.float64)[:3, :3].T @ np.asarray(truth, np.float64)[:3, :3]
+    # The arc cosine alone would lose half the digits of a small angle; the sine has them.
+    sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    return float(np.degrees(np.arctan2(sine, (np.trace(R) - 1) / 2)))
