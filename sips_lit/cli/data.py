@@ -1,0 +1,205 @@
+"""sips-data: looks at data sets, measures their motion, fetches them. The only command that uses the network."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from tabulate import tabulate
+from tqdm import tqdm
+
+from sips_lit.cli.app import INTERRUPTED, explain
+from sips_lit.datasets.check import DataSetReport, SequenceReport, check, remarks
+from sips_lit.datasets.download import Offer, fetch, read_catalogue, remote_size
+from sips_lit.datasets.recognise import DataSet, recognise
+from sips_lit.datasets.stats import GAPS, SequenceStats, draw_stats, sequence_stats
+from sips_lit.datasets.unpack import unpack
+from sips_lit.errors import BadInputError
+from sips_lit.frames.video import video
+from sips_lit.tracking.build import build_indexes
+from sips_lit.tracking.overlap import OverlapParameters
+from sips_lit.types import ImageSequence
+
+SHOWN = 30  # sequences and remarks that are printed of a data set
+
+
+def check_command(args: argparse.Namespace) -> int:
+    """Recognises, opens everything, reports. 1 if something does not open."""
+    found = recognise(args.path)
+    whole = True
+    for dataset in found:
+        with tqdm(desc=f"opening {dataset.path.name}", unit="frame", delay=2, leave=False) as progress:
+            report = check(dataset, progress.update)
+        print(describe(report) + "\n")
+        whole &= report.whole
+    if not whole:
+        print("error: some of the data does not open: see above", file=sys.stderr)
+    return 0 if whole else 1
+
+
+def describe(report: DataSetReport) -> str:
+    """A report in words: the data set, a table of its sequences, what to know, and how to use it."""
+    dataset = report.dataset
+    lines = [f"{dataset.path}: {dataset.title} (known by {dataset.sign}), {report.bytes / 1e6:,.1f} MB"]
+    if report.sequences:
+        table = tabulate(
+            [sequence_row(s) for s in report.sequences[:SHOWN]],
+            headers=["sequence", "frames", "size", "frames/s", "has", "path"],
+            tablefmt="pipe",
+            disable_numparse=True,
+        )
+        lines += [table]
+        if len(report.sequences) > SHOWN:
+            frames = sum(s.frames for s in report.sequences)
+            lines += [f"... {len(report.sequences)} sequences in all, {frames} frames"]
+    said = remarks(report)
+    lines += [f"- {remark}" for remark in said[:SHOWN]]
+    if len(said) > SHOWN:
+        lines += [f"- and {len(said) - SHOWN} more remarks"]
+    lines += [f"use: sips-train data={dataset.kind} data.path={dataset.path}"] if report.problem is None else []
+    return "\n".join(lines)
+
+
+def sequence_row(sequence: SequenceReport) -> list[str]:
+    """One line of the table."""
+    size = " ".join(f"{w}x{h}" for (w, h), _ in sequence.sizes.most_common(2))
+    more = " ..." if len(sequence.sizes) > 2 else ""
+    path = "" if sequence.path_metres is None else f"{sequence.path_metres:.2f} m, {sequence.turn_degrees:.1f} deg"
+    has = ", ".join(part for part in sequence.parts) or "images"
+    rate = "" if sequence.rate is None else f"{sequence.rate:.1f}"
+    return [sequence.name, str(sequence.frames), size + more, rate, has, path]
+
+
+def stats_command(args: argparse.Namespace) -> int:
+    """Builds the overlap index where it is missing; prints a table and writes a picture."""
+    sequences = [s for dataset in recognise(args.path) for s in open_sequences(dataset, args.cache)]
+    indexes = build_indexes(sequences, args.cache / "indexes", OverlapParameters(), args.workers)
+    pairs = zip(sequences, indexes, strict=True)
+    stats = [sequence_stats(s, i) for s, i in tqdm(pairs, total=len(sequences), desc="motion", delay=2, leave=False)]
+    print(stats_table(stats))
+    args.output.parent.mkdir(parents=True, exist_ok=True)
+    draw_stats(stats).savefig(args.output)
+    print(f"\nwrote {args.output}")
+    return 0
+
+
+def open_sequences(dataset: DataSet, cache: Path) -> list[ImageSequence]:
+    """The sequences of a data set; videos are decoded into the cache."""
+    return list(video(dataset.path, cache / "frames") if dataset.kind == "video" else dataset.sequences())
+
+
+def stats_table(stats: Sequence[SequenceStats]) -> str:
+    """Median overlap by the distance of frames, reach, and motion between neighbours."""
+    headers = [
+        "sequence",
+        "frames",
+        *(f"+{gap}" for gap in GAPS),
+        "reach 0.3",
+        "reach 0.5",
+        "pixels",
+        "metres",
+        "degrees",
+    ]
+    rows = [
+        [
+            s.name,
+            str(s.frames),
+            *("" if np.isnan(value) else f"{value:.2f}" for value in s.overlap[:, 1]),
+            f"{np.median(s.reach_training):.0f}",
+            f"{np.median(s.reach_testing):.0f}",
+            *(f"{np.median(values):.3g}" if len(values) else "" for values in (s.pixels, s.metres, s.degrees)),
+        ]
+        for s in stats
+    ]
+    note = (
+        "+n: median overlap with the frame n later; reach: median number of later frames with at least that overlap;\n"
+    )
+    note += "pixels, metres, degrees: median motion to the next frame"
+    return f"{tabulate(rows, headers=headers, tablefmt='pipe', disable_numparse=True)}\n\n{note}"
+
+
+def download_command(args: argparse.Namespace) -> int:
+    """Says the size, and with --yes (or a yes on the terminal) fetches and unpacks."""
+    offers = read_catalogue(args.catalogue) if args.catalogue else read_catalogue()
+    if args.name is None:
+        rows = [[o.name, f"{o.bytes / 1e9:.2f} GB", o.title, o.page] for o in offers.values()]
+        print(tabulate(rows, headers=["name", "about", "what", "page (licence)"], tablefmt="pipe"))
+        return 0
+    if args.name not in offers:
+        raise BadInputError(f"there is no data set {args.name} to download: choose among {', '.join(offers)}")
+    return download(offers[args.name], args.output, args.yes)
+
+
+def download(offer: Offer, output: Path, yes: bool, ask: Callable[[str], str] = input) -> int:
+    """Fetches and unpacks an offer into ``output / name``."""
+    sizes = [remote_size(file.url) or file.bytes for file in offer.files]
+    folder = output / offer.name
+    print(f"{offer.title}\nlicence and terms: {offer.page}")
+    print(f"to download: {sum(sizes) / 1e9:.2f} GB in {len(sizes)} file(s) to {folder.resolve()}")
+    if not yes and not (sys.stdin.isatty() and ask("go on? [y/N] ").strip().lower() in ("y", "yes")):
+        print("error: nothing was downloaded: add --yes to go on", file=sys.stderr)
+        return 1
+    for file in offer.files:
+        done = folder / f".{file.name}.unpacked"
+        if done.exists():
+            print(f"{file.name}: is there already")
+            continue
+        archive = fetch(file, folder)
+        checked = "checksum verified" if file.sha256 else "no checksum is published: not verified"
+        print(f"{file.name}: {checked}; {unpack(archive, folder)} files unpacked")
+        done.touch()
+        archive.unlink()
+    print(f"use: sips-train data={offer.data} data.path={folder / offer.path}")
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    top = argparse.ArgumentParser(
+        prog="sips-data", description="Looks at data sets, measures their motion, fetches them."
+    )
+    commands = top.add_subparsers(required=True, metavar="check | stats | download")
+    cache = Path(os.environ.get("SIPS_LIT_DATA", "data"))
+    one = commands.add_parser("check", help="which data set a folder holds, and whether it is whole")
+    one.add_argument("path", type=Path)
+    one.set_defaults(task=check_command)
+    two = commands.add_parser("stats", help="motion and overlap of its sequences, as a table and a picture")
+    two.add_argument("path", type=Path)
+    two.add_argument("--output", type=Path, default=Path("stats.png"), help="the picture (default: %(default)s)")
+    two.add_argument(
+        "--cache", type=Path, default=cache, help="where indexes and decoded videos go (default: %(default)s)"
+    )
+    two.add_argument("--workers", type=int, default=2, help="sequences measured side by side (default: %(default)s)")
+    two.set_defaults(task=stats_command)
+    three = commands.add_parser("download", help="fetches a data set; without a name: lists them")
+    three.add_argument("name", nargs="?")
+    three.add_argument("--yes", action="store_true", help="do not ask")
+    three.add_argument("--output", type=Path, default=cache, help="folder to put it in (default: %(default)s)")
+    three.add_argument("--catalogue", type=Path, help="another list of data sets (YAML, as in the package)")
+    three.set_defaults(task=download_command)
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point."""
+    args = parser().parse_args(arguments)
+    try:
+        code: int = args.task(args)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        code = INTERRUPTED
+    except Exception as error:
+        sentence = explain(error)
+        if sentence is None:
+            raise
+        print(f"error: {sentence}", file=sys.stderr)
+        code = 1
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+"""Is a data set whole? Every file is opened; what is there and what is missing is counted."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from sips_lit.datasets.recognise import DataSet
+from sips_lit.errors import BadInputError
+from sips_lit.frames.folder import safe_name
+from sips_lit.frames.video import find_videos
+from sips_lit.types import ImageSequence
+
+STILL_METRES = 0.05  # a camera whose whole path is shorter stands still
+STILL_DEGREES = 2.0
+TIME_NAME = re.compile(r"\d{9,}\.\d+")  # seconds since 1970, as in TUM RGB-D
+PARTS = ("right images", "intrinsics", "poses", "depth", "times", "homographies")
+# what each kind of data can have; what it lacks of these is worth telling
+EXPECTED = {
+    "kitti": ("right images", "intrinsics", "poses", "times"),
+    "posed_depth": ("intrinsics", "poses", "depth"),
+    "euroc": ("right images", "intrinsics", "poses", "times"),
+    "tum_mono": ("times",),
+    "robotcar": ("times",),
+    "hpatches": ("homographies",),
+    "rgbd": ("intrinsics", "poses", "depth"),
+}
+
+
+@dataclass(slots=True)
+class SequenceReport:
+    """What was found in one sequence: ``parts`` counts the frames that have each of `PARTS`.
+
+    ``sizes`` (W, H) of the frames that open and how many have each; ``rate`` in frames per second, None if unknown;
+    ``unreadable``: one sentence for each file that does not open; ``path_metres`` and ``turn_degrees``: how far the camera
+    moves and turns by its poses, None without.
+    """
+
+    name: str
+    frames: int = 0
+    sizes: Counter[tuple[int, int]] = field(default_factory=Counter)
+    parts: Counter[str] = field(default_factory=Counter)
+    rate: float | None = None
+    unreadable: list[str] = field(default_factory=list)
+    path_metres: float | None = None
+    turn_degrees: float | None = None
+
+
+@dataclass(slots=True)
+class DataSetReport:
+    """What was found in a data set; ``problem`` is why its loader refuses it, if it does."""
+
+    dataset: DataSet
+    sequences: list[SequenceReport] = field(default_factory=list)
+    problem: str | None = None
+    bytes: int = 0
+
+    @property
+    def whole(self) -> bool:
+        """Whether everything opened."""
+        return self.problem is None and not any(s.unreadable for s in self.sequences)
+
+
+def check(dataset: DataSet, advance: Callable[[int], object] = lambda frames: None) -> DataSetReport:
+    """Opens every file of a data set; ``advance`` is told of each frame."""
+    report = DataSetReport(dataset, bytes=size_on_disk(dataset.path))
+    try:
+        if dataset.kind == "video":
+            report.sequences = [check_video(file, advance) for file in find_videos(dataset.path)]
+        else:
+            report.sequences = [check_sequence(sequence, advance) for sequence in dataset.sequences()]
+    except BadInputError as error:
+        report.problem = str(error)
+    return report
+
+
+def check_sequence(sequence: ImageSequence, advance: Callable[[int], object] = lambda frames: None) -> SequenceReport:
+    """Reads all frames, right images and depth maps of a sequence."""
+    report = SequenceReport(sequence.name, frames=len(sequence))
+    for index in range(len(sequence)):
+        try:
+            height, width = sequence.frame(index).shape
+            report.sizes[width, height] += 1
+            report.parts.update(_parts(sequence, index))
+        except BadInputError as error:
+            report.unreadable.append(str(error))
+        advance(1)
+    report.rate = frame_rate(sequence)
+    report.path_metres, report.turn_degrees = path_of(sequence)
+    return report
+
+
+def _parts(sequence: ImageSequence, index: int) -> Iterator[str]:
+    known = {
+        "right images": sequence.right(index),
+        "intrinsics": sequence.camera(index),
+        "poses": sequence.pose(index),
+        "depth": sequence.depth(index),
+        "times": sequence.time(index),
+        "homographies": sequence.homography(0, index),
+    }
+    return (part for part, value in known.items() if value is not None)
+
+
+def frame_rate(sequence: ImageSequence) -> float | None:
+    """Frames per second by the median time between frames, or between file names that are times in seconds; else None."""
+    times = np.array([t for t in map(sequence.time, range(len(sequence))) if t is not None])
+    names = [sequence.frame_name(i) for i in range(len(sequence))]
+    if not len(times) and all(TIME_NAME.fullmatch(name) for name in names):
+        times = np.array(names, np.float64)
+    steps = np.diff(times)
+    return None if not len(steps) or np.median(steps) <= 0 else float(1 / np.median(steps))
+
+
+def path_of(sequence: ImageSequence) -> tuple[float | None, float | None]:
+    """Greatest distance (metres) and angle (degrees) of any pose from the first one; None without poses."""
+    poses = np.array([pose for pose in map(sequence.pose, range(len(sequence))) if pose is not None])
+    if len(poses) < 2:
+        return None, None
+    moves = np.linalg.inv(poses[0]) @ poses
+    cosine = (np.trace(moves[:, :3, :3], axis1=1, axis2=2) - 1) / 2
+    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return float(np.linalg.norm(moves[:, :3, 3], axis=1).max()), float(angle.max())
+
+
+def check_video(file: Path, advance: Callable[[int], object] = lambda frames: None) -> SequenceReport:
+    """Decodes a whole video, keeping nothing."""
+    report = SequenceReport(safe_name(file.stem))
+    capture = cv2.VideoCapture(str(file))
+    promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+    while capture.grab():
+        report.frames += 1
+        advance(1)
+        if report.frames == 1:
+            size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
+    report.rate = capture.get(cv2.CAP_PROP_FPS) or None
+    capture.release()
+    if report.frames:
+        report.sizes[size] = report.frames
+    else:
+        report.unreadable.append(f"{file} has no frame that OpenCV can decode: convert it, or download it again")
+    if report.frames and promised - report.frames > max(2, 0.01 * promised):
+        report.unreadable.append(f"{file} promises {promised} frames but ends after {report.frames}: it is cut short")
+    return report
+
+
+def size_on_disk(path: Path) -> int:
+    """Bytes of a file, or of all files in a folder."""
+    if path.is_file():
+        return path.stat().st_size
+    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+
+
+def remarks(report: DataSetReport) -> list[str]:
+    """What a user should know of a data set before using it, a sentence each."""
+    said = [] if report.problem is None else [report.problem]
+    for sequence in report.sequences:
+        said += sequence.unreadable[:3]
+        if len(sequence.unreadable) > 3:
+            said.append(f"{sequence.name}: {len(sequence.unreadable) - 3} more files do not open")
+        for part in EXPECTED.get(report.dataset.kind, ()):
+            lacking = sequence.frames - len(sequence.unreadable) - sequence.parts[part]
+            if lacking > 0:
+                count = "no" if not sequence.parts[part] else f"{lacking} frames without"
+                said.append(f"{sequence.name}: {count} {part}")
+        if sequence.frames == 1:
+            said.append(f"{sequence.name}: a single frame makes no pair")
+        if _stands_still(sequence):
+            said.append(
+                f"{sequence.name}: the camera stands still (at most {sequence.path_metres:.3f} m and "
+                f"{sequence.turn_degrees:.1f} degrees): good to try loaders and stereo with, of no use to train on"
+            )
+        if len(sequence.sizes) > 1 and report.dataset.kind not in ("hpatches",):
+            said.append(f"{sequence.name}: images of {len(sequence.sizes)} different sizes")
+    if report.dataset.kind in ("folder", "video") and report.whole:
+        said.append("images alone, without poses or depth: inliers=klt labels and verifies them")
+    return said
+
+
+def _stands_still(sequence: SequenceReport) -> bool:
+    if sequence.path_metres is None or sequence.turn_degrees is None:
+        return False
+    return sequence.path_metres < STILL_METRES and sequence.turn_degrees < STILL_DEGREES

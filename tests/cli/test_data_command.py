@@ -1,0 +1,109 @@
+import zipfile
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from textured_scenes import flight
+
+from sips_lit.cli import data as command
+from sips_lit.cli.data import main
+
+
+def run(capsys, *arguments):
+    with pytest.raises(SystemExit) as stop:
+        main([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return stop.value.code, out, err
+
+
+@pytest.fixture
+def images(tmp_path):
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for i, frame in enumerate(flight(5).frames):
+        cv2.imwrite(str(folder / f"{i}.png"), frame)
+    return folder
+
+
+def test_check_says_what_it_is_and_how_to_use_it(images, capsys):
+    code, out, _ = run(capsys, "check", images)
+    assert code == 0
+    assert "folder of images" in out
+    assert f"sips-train data=folder data.path={images}" in out
+
+
+def test_check_fails_on_a_damaged_file(images, capsys):
+    (images / "3.png").write_bytes(b"damaged")
+    code, out, err = run(capsys, "check", images)
+    assert code == 1
+    assert "3.png" in out
+    assert err.startswith("error: ")
+
+
+def test_check_of_an_empty_folder_is_one_sentence(tmp_path, capsys):
+    code, out, err = run(capsys, "check", tmp_path)
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "is empty" in err
+
+
+def test_stats_writes_a_table_and_a_picture(images, tmp_path, capsys):
+    picture = tmp_path / "out" / "stats.png"
+    code, out, _ = run(capsys, "stats", images, "--output", picture, "--cache", tmp_path / "cache")
+    assert code == 0
+    assert "reach 0.3" in out
+    assert cv2.imread(str(picture)) is not None
+
+
+@pytest.fixture
+def catalogue(tmp_path):
+    """One data set whose file is a zip on this disk."""
+    with zipfile.ZipFile(tmp_path / "tiny.zip", "w") as archive:
+        archive.writestr("frames/1.png", cv2.imencode(".png", np.zeros((9, 9), np.uint8))[1].tobytes())
+    url = (tmp_path / "tiny.zip").as_uri()
+    entry = {"title": "Tiny", "page": "https://example.org", "data": "folder", "path": "frames"}
+    path = tmp_path / "catalogue.yaml"
+    path.write_text(yaml.safe_dump({"tiny": {**entry, "files": [{"url": url, "bytes": 100}]}}))
+    return path
+
+
+def test_download_says_the_size_and_needs_a_yes(catalogue, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(command, "remote_size", lambda url: 123_000_000)
+    code, out, err = run(capsys, "download", "tiny", "--catalogue", catalogue, "--output", tmp_path / "d")
+    assert code == 1
+    assert "0.12 GB" in out
+    assert "--yes" in err
+    assert not (tmp_path / "d").exists()
+
+
+def test_download_unpacks_and_does_not_fetch_twice(catalogue, tmp_path, capsys, monkeypatch):
+    fetched = []
+
+    def fetch(file, folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        fetched.append(file.name)
+        (folder / file.name).write_bytes((tmp_path / "tiny.zip").read_bytes())
+        return folder / file.name
+
+    monkeypatch.setattr(command, "remote_size", lambda url: None)
+    monkeypatch.setattr(command, "fetch", fetch)
+    arguments = ("download", "tiny", "--yes", "--catalogue", catalogue, "--output", tmp_path / "d")
+    code, out, _ = run(capsys, *arguments)
+    assert code == 0
+    assert (tmp_path / "d/tiny/frames/1.png").exists()
+    assert f"data.path={tmp_path / 'd/tiny/frames'}" in out
+    code, out, _ = run(capsys, *arguments)
+    assert (code, fetched) == (0, ["tiny.zip"])
+
+
+def test_without_a_name_the_offers_are_listed(capsys):
+    code, out, _ = run(capsys, "download")
+    assert code == 0
+    assert "hpatches" in out
+    assert "GB" in out
+
+
+def test_an_unknown_name_lists_the_choices(capsys):
+    code, _, err = run(capsys, "download", "imagenet")
+    assert code == 1
+    assert "kitti_odometry" in err

@@ -1,0 +1,73 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from sips_lit.datasets.recognise import recognise
+from sips_lit.errors import BadInputError
+
+IMAGE = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
+LAYOUTS = {
+    "euroc": ["mav0/cam0/sensor.yaml", "mav0/cam0/data/1.png"],
+    "kitti": ["dataset/sequences/00/image_0/000000.png", "dataset/sequences/00/calib.txt"],
+    "posed_depth": ["0000.jpg", "poses.txt", "cam.txt", "depth_128x416.npz"],
+    "rgbd": ["rgb.txt", "depth.txt", "groundtruth.txt", "rgb/1.png", "depth/1.png"],
+    "tum_mono": ["sequence_01/images.zip", "sequence_01/camera.txt", "sequence_01/times.txt"],
+    "robotcar": ["2014-05-06-12-54-54/stereo/centre/1399381445587559.png"],
+    "hpatches": ["v_bark/1.ppm", "v_bark/H_1_2"],
+    "video": ["a.mp4"],
+    "folder": ["a/1.png", "a/2.png"],
+}
+
+
+def lay_out(root: Path, files: list[str]) -> Path:
+    for name in files:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_bytes(IMAGE if name.endswith((".png", ".jpg")) else b"x")
+    return root
+
+
+@pytest.mark.parametrize("kind", LAYOUTS)
+def test_each_layout_is_known_by_its_files(tmp_path, kind):
+    found = recognise(lay_out(tmp_path / "some", LAYOUTS[kind]))
+    assert [d.kind for d in found] == [kind]
+
+
+def test_the_data_sets_of_a_folder_of_data_sets(tmp_path):
+    for kind in ("euroc", "hpatches", "rgbd", "video"):
+        lay_out(tmp_path / kind, LAYOUTS[kind])
+    assert {d.path.name: d.kind for d in recognise(tmp_path)} == {k: k for k in ("euroc", "hpatches", "rgbd", "video")}
+
+
+def test_rgbd_as_plain_folders(tmp_path):
+    root = lay_out(tmp_path, ["color/1.png", "depth/1.png", "poses.txt", "cam.json"])
+    assert [d.kind for d in recognise(root)] == ["rgbd"]
+
+
+@pytest.mark.parametrize("files", [[], ["notes.txt"], ["a/b/notes.txt"]])
+def test_nothing_known_says_what_is_there(tmp_path, files):
+    lay_out(tmp_path, files)
+    with pytest.raises(BadInputError, match="holds no data set that is known here"):
+        recognise(tmp_path)
+
+
+def test_a_path_that_does_not_exist(tmp_path):
+    with pytest.raises(BadInputError, match="does not exist"):
+        recognise(tmp_path / "nowhere")
+
+
+@pytest.mark.shared_data
+def test_every_folder_of_the_shared_data(shared_data):
+    found = {d.path.name: d.kind for d in recognise(shared_data)}
+    assert found == {
+        "euroc_v1_01_excerpt": "euroc",
+        "hpatches": "hpatches",
+        "kitti_odometry": "kitti",
+        "kitti_raw_0001_lowres": "posed_depth",
+        "rgbd_desk": "rgbd",
+        "tum_fr2_desk": "folder",
+        "udacity_lanes": "video",
+        "video_clips": "video",
+        "visp_cube": "folder",
+    }
