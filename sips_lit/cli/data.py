@@ -48,7 +48,7 @@ def describe(report: DataSetReport) -> str:
     if report.sequences:
         table = tabulate(
             [sequence_row(s) for s in report.sequences[:SHOWN]],
-            headers=["sequence", "frames", "size", "frames/s", "has", "path"],
+            headers=["sequence", "frames", "size", "frames/s", "has", "camera moves"],
             tablefmt="pipe",
             disable_numparse=True,
         )
