@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
 from collections.abc import Sequence
@@ -28,25 +29,30 @@ class FolderSequence(ImageSequence):
         return len(self.files)
 
     def frame(self, index: int) -> GreyImage:
-        """Frame ``index``. Raises BadInputError when it can't be read or is not of the size of the first frame."""
+        """Frame ``index``. Raises BadInputError when it can't be read or is not of the size of the first one that can."""
         image = read_grey(self.files[index])
         height, width = image.shape
         if index == 0:
             self._size = (width, height)
         if (width, height) != self.size:
             raise BadInputError(
-                f"{self.files[index]} is {width}x{height}, but {self.files[0].name} is {self.size[0]}x{self.size[1]}: the "
+                f"{self.files[index]} is {width}x{height}, but {self._first.name} is {self.size[0]}x{self.size[1]}: the "
                 "images of a sequence must have one size; put others in another folder"
             )
         return resize_max_side(image, self.max_side)
 
     @property
     def size(self) -> tuple[int, int]:
-        """(W, H) of the files in pixels, before they are shrunk."""
+        """(W, H) of the files in pixels, before they are shrunk. Raises BadInputError when none can be read."""
         if self._size is None:
-            height, width = read_grey(self.files[0]).shape
+            height, width = read_grey(self._first).shape
             self._size = (width, height)
         return self._size
+
+    @functools.cached_property
+    def _first(self) -> Path:
+        """The first file that can be read; the first of all if none can."""
+        return next((file for file in self.files if _can_be_read(file)), self.files[0])
 
     def frame_name(self, index: int) -> str:
         """The file's name without its suffix."""
@@ -72,6 +78,14 @@ def folder(path: str | Path | Sequence[str | Path], max_side: int | None = None)
 def safe_name(name: str) -> str:
     """The name with everything but letters, digits, dots, minus and underscore replaced."""
     return re.sub(r"[^\w.-]+", "_", name) or "sequence"
+
+
+def _can_be_read(file: Path) -> bool:
+    try:
+        read_grey(file)
+    except BadInputError:
+        return False
+    return True
 
 
 def _sequences(root: Path, max_side: int | None) -> list[ImageSequence]:

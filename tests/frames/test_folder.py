@@ -153,3 +153,19 @@ def test_sizes_are_compared_before_shrinking(tmp_path: Path):
     cv2.imwrite(str(tmp_path / "1.png"), texture(96, 128))
     with pytest.raises(BadInputError, match="must have one size"):
         folder(tmp_path, max_side=32)[0].frame(1)
+
+
+@pytest.mark.parametrize("order", [(1, 2, 3), (3, 2, 1)])
+def test_a_damaged_first_image_leaves_the_others_readable(tmp_path: Path, order):
+    fill(tmp_path, 4)
+    (tmp_path / "0.png").write_bytes(b"\x89PNG")
+    cv2.imwrite(str(tmp_path / "2.png"), texture(20, 30))
+    (sequence,) = folder(tmp_path)
+    for i in order:
+        if i == 2:
+            with pytest.raises(BadInputError, match=r"2\.png is 30x20, but 1\.png is 64x48"):
+                sequence.frame(i)
+        else:
+            np.testing.assert_array_equal(sequence.frame(i), texture(48, 64, i))
+    with pytest.raises(BadInputError, match=r"0\.png is not an image"):
+        sequence.frame(0)
