@@ -34,12 +34,12 @@ class Surf:
             raise BadInputError(
                 f"The descriptor's size is {size}; give a diameter in pixels above 0 (the default is 31)."
             )
-        _import_mahotas()  # a missing package shows at the start, not at the first image
+        import_mahotas()  # a missing package shows at the start, not at the first image
         self.size = size
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, 64) float32, one row for each keypoint."""
-        surf = _import_mahotas()
+        surf = import_mahotas()
         descriptors = np.zeros((len(keypoints), DIMENSION), np.float32)
         scale = self.size * _SCALE_OF_SIZE
         margin = math.ceil(_REACH * scale) + 2
@@ -53,7 +53,8 @@ class Surf:
         return descriptors
 
 
-def _import_mahotas() -> Any:
+def import_mahotas() -> Any:
+    """The module ``mahotas.features.surf``. Raises BadInputError where mahotas is missing."""
     try:
         return importlib.import_module("mahotas.features.surf")
     except ImportError as error:

