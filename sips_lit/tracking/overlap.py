@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.atomic import make_folder, write_whole
+from sips_lit.errors import BadInputError
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import GreyImage, ImageSequence
 
-VERSION = 2
+VERSION = 3
 MIN_TEXTURE = 1e-5
 
 
@@ -50,11 +51,13 @@ class OverlapIndex:
 
     Row i of the table is ``survivors[offsets[i]:offsets[i + 1]]``: how many of the ``points[i]`` points of frame i are still
     tracked in frames i + 1, i + 2, ...; it never grows along a row, unless the order of the frames means nothing.
+    ``unreadable`` tells of each frame that can't be read, why: it has no points, and no row goes on beyond it.
     """
 
     survivors: NDArray[np.uint16]
     offsets: NDArray[np.int64]
     points: NDArray[np.int64]
+    unreadable: Mapping[int, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -76,11 +79,21 @@ class OverlapIndex:
         """The later frames that `reach` counts for frame ``index``, in order."""
         return index + 1 + np.flatnonzero(self.overlap(index) >= max(overlap, 1e-9))
 
+    def part(self, start: int, stop: int) -> OverlapIndex:
+        """The index of frames ``start`` to ``stop`` (exclusive), counted from ``start``."""
+        ends = np.minimum(self.offsets[start + 1 : stop + 1], self.offsets[start:stop] + np.arange(stop - start)[::-1])
+        rows = [self.survivors[a:b] for a, b in zip(self.offsets[start:stop], ends, strict=True)]
+        unreadable = {index - start: why for index, why in self.unreadable.items() if start <= index < stop}
+        return _as_index(rows, self.points[start:stop], unreadable)
+
 
 def measure_overlap(
     sequence: ImageSequence, parameters: OverlapParameters, on_frame: Callable[[], object] = lambda: None
 ) -> OverlapIndex:
     """Index of a sequence: by KLT in one pass over its frames, or by geometry where it knows its homographies.
+
+    A frame that can't be read is a break in the sequence. Raises BadInputError when at least half of them can't, or when
+    geometry needs the size of one that can't.
 
     Only two frames are held at a time; what grows with the video is the index itself, by at most 2 ``max_span`` bytes a
     frame.
@@ -88,12 +101,33 @@ def measure_overlap(
     planar = len(sequence) > 1 and sequence.homography(0, 1) is not None
     points = np.zeros(len(sequence), np.int64)
     rows: list[NDArray[np.uint16]] = []
-    for index, point_count, finished in (_map_all if planar else _track_all)(sequence, parameters):
+    unreadable: dict[int, str] = {}
+
+    def read(index: int) -> GreyImage | None:
+        try:
+            return sequence.frame(index)
+        except BadInputError as error:
+            unreadable[index] = str(error)
+            if 2 * len(unreadable) >= len(sequence):
+                raise BadInputError(
+                    f"half of the frames of {sequence.name} can't be read; the first of them: {min(unreadable.items())[1]}"
+                ) from error
+            return None
+
+    for index, point_count, finished in (
+        _map_all(sequence, parameters) if planar else _track_all(len(sequence), read, parameters)
+    ):
         points[index] = point_count
         rows += [np.array(row, np.uint16) for row in finished]
         on_frame()
+    return _as_index(rows, points, unreadable)
+
+
+def _as_index(
+    rows: Sequence[NDArray[np.uint16]], points: NDArray[np.int64], unreadable: Mapping[int, str]
+) -> OverlapIndex:
     offsets = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
-    return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points)
+    return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points, unreadable)
 
 
 def _map_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator[tuple[int, int, list[list[int]]]]:
@@ -122,8 +156,12 @@ def _map_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator
         yield index, len(grid), [row]
 
 
-def _track_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator[tuple[int, int, list[list[int]]]]:
+def _track_all(
+    length: int, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
+) -> Iterator[tuple[int, int, list[list[int]]]]:
     """For each frame: its index, how many points it has, and the rows that end here, in the order of their frames.
+
+    ``read`` gives a frame, or None where it can't be read: all tracks end there.
 
     One set of tracks serves all frames: the points of frame i are those alive in it, so its survivors in frame j are the
     tracks alive in j that were born in i or before. An earlier frame has fewer survivors, so rows end in order.
@@ -131,9 +169,11 @@ def _track_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterat
     xy, born = np.zeros((0, 2), np.float32), np.zeros(0, np.int64)
     open_rows: dict[int, list[int]] = {}
     previous: GreyImage | None = None
-    for index in range(len(sequence)):
-        image = sequence.frame(index)
-        if previous is not None:
+    for index in range(length):
+        image = read(index)
+        if previous is None or image is None:
+            xy, born = xy[:0], born[:0]
+        else:
             xy, held = parameters.tracker.step(previous, image, xy)
             if held.sum() < parameters.cut_survival * len(held):
                 held[:] = False
@@ -147,10 +187,11 @@ def _track_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterat
                 open_rows[row].append(min(survivors, np.iinfo(np.uint16).max))
             else:
                 finished.append(open_rows.pop(row))
-        fresh = _replenish(image, xy, parameters.spacing)
-        xy, born = np.concatenate([xy, fresh]), np.concatenate([born, np.full(len(fresh), index)])
+        if image is not None:
+            fresh = _replenish(image, xy, parameters.spacing)
+            xy, born = np.concatenate([xy, fresh]), np.concatenate([born, np.full(len(fresh), index)])
         open_rows[index] = []
-        if index == len(sequence) - 1:
+        if index == length - 1:
             finished += open_rows.values()
         previous = image
         yield index, len(xy), finished
@@ -193,7 +234,10 @@ def save_index(path: Path, index: OverlapIndex, signature: Mapping[str, Any]) ->
     Raises BadInputError when the folder can't be written (full disk, no permission).
     """
     content, text = io.BytesIO(), np.array(json.dumps(signature, sort_keys=True))
-    np.savez(content, survivors=index.survivors, offsets=index.offsets, points=index.points, signature=text)
+    why = np.array(json.dumps({str(frame): reason for frame, reason in index.unreadable.items()}))
+    np.savez(
+        content, survivors=index.survivors, offsets=index.offsets, points=index.points, unreadable=why, signature=text
+    )
     make_folder(path.parent)
     write_whole(path, content.getvalue())
 
@@ -204,6 +248,7 @@ def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:
         with np.load(path, allow_pickle=False) as stored:
             if json.loads(str(stored["signature"])) != json.loads(json.dumps(signature)):
                 return None
-            return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"])
+            unreadable = {int(frame): why for frame, why in json.loads(str(stored["unreadable"])).items()}
+            return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"], unreadable)
     except Exception:  # a damaged zip file can raise almost anything, and an index can always be measured again
         return None

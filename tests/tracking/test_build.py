@@ -3,16 +3,21 @@ import pytest
 from textured_scenes import ArraySequence, film
 
 from sips_lit.errors import BadInputError
-from sips_lit.tracking.build import build_indexes
+from sips_lit.frames.source import FrameRange, frame_ranges
+from sips_lit.tracking.build import build_indexes, require_readable, unreadable_frames
 from sips_lit.tracking.overlap import OverlapParameters, index_path, load_index, measure_overlap
 
 PARAMETERS = OverlapParameters()
 
 
-class BrokenSequence(ArraySequence):
+class Damaged(ArraySequence):
+    """Its frames ``bad`` can't be read."""
+
+    bad: tuple[int, ...] = (3,)
+
     def frame(self, index):
-        if index == 3:
-            raise BadInputError("frame 3 cannot be read")
+        if index in self.bad:
+            raise BadInputError(f"frame {index} of {self.name} cannot be read")
         return super().frame(index)
 
 
@@ -68,8 +73,11 @@ def test_a_damaged_index_is_measured_anew(tmp_path):
 
 
 def test_an_interrupted_build_keeps_what_it_finished(tmp_path):
-    good, bad, later = film(5, name="good"), BrokenSequence(film(6).frames, "bad"), film(5, seed=2, name="later")
-    with pytest.raises(BadInputError, match="frame 3 cannot be read"):
+    good, bad, later = film(5, name="good"), Damaged(film(6).frames, "bad"), film(5, seed=2, name="later")
+    bad.bad = (5, 1, 3)
+    with pytest.raises(
+        BadInputError, match="half of the frames of bad can't be read; the first of them: frame 1 of bad"
+    ):
         build_indexes([good, bad, later], tmp_path, PARAMETERS, workers=1)
     assert load_index(index_path(tmp_path, good), PARAMETERS.signature(good)) is not None
     assert load_index(index_path(tmp_path, bad), PARAMETERS.signature(bad)) is None
@@ -93,3 +101,52 @@ def test_sequences_of_one_name_keep_their_own_index(tmp_path):
 def test_nothing_to_build(tmp_path):
     assert build_indexes([], tmp_path / "unused", PARAMETERS) == []
     assert not (tmp_path / "unused").exists()
+
+
+def test_a_range_of_frames_is_a_part_of_the_whole(tmp_path):
+    whole = film(9)
+    early, late = frame_ranges([whole], 0, 0.7)[0], frame_ranges([whole], 0.7, 1)[0]
+    inner = FrameRange(FrameRange(whole, 2, 9), 1, 5)
+    parts = build_indexes([early, late, inner], tmp_path, PARAMETERS)
+    assert whole.reads == 9  # once for all
+    expected = measure_overlap(whole, PARAMETERS)
+    for part, start, stop in zip(parts, (0, 6, 3), (6, 9, 7), strict=True):
+        assert len(part) == stop - start
+        for i in range(len(part)):
+            np.testing.assert_array_equal(part.overlap(i), expected.overlap(start + i)[: stop - start - i - 1])
+    again = film(9)
+    build_indexes([FrameRange(again, 4, 8)], tmp_path, PARAMETERS)
+    assert again.reads == 0
+
+
+def test_unreadable_frames_are_remembered_and_counted_in_parts(tmp_path):
+    def damaged():
+        return Damaged(film(9).frames, "bad")
+
+    build_indexes([damaged()], tmp_path, PARAMETERS)
+    again = damaged()
+    (index,) = build_indexes([again], tmp_path, PARAMETERS)
+    assert again.reads == 0
+    assert index.unreadable == {3: "frame 3 of bad cannot be read"}
+    parts = build_indexes([FrameRange(again, 2, 7), FrameRange(again, 4, 9)], tmp_path, PARAMETERS)
+    assert [set(part.unreadable) for part in parts] == [{1}, set()]
+    assert unreadable_frames(parts) == ["frame 3 of bad cannot be read"]
+
+
+def test_a_frame_that_can_be_read_again_is_measured(tmp_path):
+    away = Damaged(film(9).frames, "bad")
+    build_indexes([away], tmp_path, PARAMETERS)
+    away.bad = ()
+    (index,) = build_indexes([away], tmp_path, PARAMETERS)
+    assert not index.unreadable
+    np.testing.assert_array_equal(index.survivors, measure_overlap(film(9), PARAMETERS).survivors)
+
+
+def test_evaluations_need_every_frame(tmp_path):
+    bad = Damaged(film(9).frames, "bad")
+    bad.bad = (2, 4, 7)
+    require_readable(build_indexes([film(5, name="good")], tmp_path, PARAMETERS))
+    with pytest.raises(
+        BadInputError, match=r"needs every frame, but frame 2 of bad cannot be read \(and 2 frames more\)"
+    ):
+        require_readable(build_indexes([film(5, name="good"), bad], tmp_path, PARAMETERS))

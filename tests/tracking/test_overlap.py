@@ -1,9 +1,12 @@
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from textured_scenes import ArraySequence, film, flight, texture
 
+from sips_lit.errors import BadInputError
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.tracking.overlap import OverlapIndex, OverlapParameters, _replenish, measure_overlap
 
@@ -210,3 +213,53 @@ def test_without_an_order_each_pair_is_judged_by_itself_and_sizes_may_differ():
     assert index.partners(0, 0.05).tolist() == [1, 2, 3]
     assert index.partners(1, 0.0).tolist() == [3]
     assert index.partners(3, 0.0).tolist() == []
+
+
+class Damaged(ArraySequence):
+    """Frames ``bad`` can't be read."""
+
+    bad: tuple[int, ...] = ()
+
+    def frame(self, index):
+        if index in self.bad:
+            raise BadInputError(f"{index}.png is damaged")
+        return super().frame(index)
+
+
+@pytest.mark.parametrize("bad", [(4,), (0,), (8,), (0, 1), (3, 4), (2, 5, 8)])
+def test_an_unreadable_frame_is_a_break(bad):
+    whole = film(9)
+    damaged = Damaged(whole.frames)
+    damaged.bad = bad
+    index = measure_overlap(damaged, OverlapParameters())
+    assert index.unreadable == {i: f"{i}.png is damaged" for i in bad}
+    rows, ends = rows_of(index), (-1, *bad, 9)
+    for before, after in itertools.pairwise(ends):  # between two breaks: as if nothing else were there
+        alone = measure_overlap(ArraySequence(whole.frames[before + 1 : after]), OverlapParameters())
+        assert rows[before + 1 : after] == rows_of(alone)
+        np.testing.assert_array_equal(index.points[before + 1 : after], alone.points)
+    for i in bad:
+        assert index.points[i] == 0
+        assert rows[i] == []
+
+
+def test_half_of_the_frames_unreadable_is_too_many():
+    damaged = Damaged(film(8).frames, "walk")
+    damaged.bad = (1, 3, 6)
+    assert len(measure_overlap(damaged, OverlapParameters()).unreadable) == 3
+    damaged.bad = (6, 1, 3, 5)
+    with pytest.raises(BadInputError, match=r"half of the frames of walk can't be read; the first of them: 1\.png is"):
+        measure_overlap(damaged, OverlapParameters())
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_parts_of_an_index(scene):
+    sequence = SCENES[scene]()
+    index = measure_overlap(sequence, OverlapParameters())
+    n = len(sequence)
+    for start, stop in [(0, n), (0, n // 2), (n // 3, n), (n // 3, n // 2), (n, n)]:
+        part = index.part(start, stop)
+        expected = [row[: stop - start - i - 1] for i, row in enumerate(rows_of(index)[start:stop])]
+        assert rows_of(part) == expected
+        np.testing.assert_array_equal(part.points, index.points[start:stop])
+        assert part.survivors.dtype == index.survivors.dtype

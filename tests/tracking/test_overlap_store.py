@@ -8,12 +8,14 @@ from textured_scenes import flight
 from sips_lit.errors import BadInputError
 from sips_lit.tracking.overlap import OverlapIndex, OverlapParameters, index_path, load_index, save_index
 
-INDEX = OverlapIndex(np.array([5, 3, 2], np.uint16), np.array([0, 2, 3, 3]), np.array([7, 6, 4]))
+WHY = {2: "a/2.png is damaged: replace or remove it"}
+INDEX = OverlapIndex(np.array([5, 3, 2], np.uint16), np.array([0, 2, 3, 3]), np.array([7, 6, 4]), WHY)
 SIGNATURE = {"version": 1, "spacing": 16, "tracker": {"margin": 4.0}, "name": "café"}
 
 
 def same(a: OverlapIndex, b: OverlapIndex) -> bool:
-    return all(np.array_equal(getattr(a, key), getattr(b, key)) for key in ("survivors", "offsets", "points"))
+    arrays = all(np.array_equal(getattr(a, key), getattr(b, key)) for key in ("survivors", "offsets", "points"))
+    return arrays and a.unreadable == b.unreadable
 
 
 def test_what_was_saved_is_loaded(tmp_path):
