@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -271,4 +271,21 @@ class InlierCheck(Protocol):
 
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Judges M matches between the points of both images."""
+        ...
+
+
+class PreparedCheck(Protocol):
+    """An inlier check that has seen the pair and its points."""
+
+    def __call__(self, matches: Matches) -> Inliers:
+        """Judges M matches between these points."""
+        ...
+
+
+@runtime_checkable
+class PreparableCheck(InlierCheck, Protocol):
+    """An inlier check whose costly part does not depend on the matches: prepared once, it judges many sets of them."""
+
+    def prepare(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints) -> PreparedCheck:
+        """Does that part for all points of both images."""
         ...

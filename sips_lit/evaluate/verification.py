@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError
 from sips_lit.match.mutual_nearest import MutualLifetimes, distances, mutual_nearest_lifetimes
 from sips_lit.metrics.succinctness import binary_search, inliers_by_budget, points_needed
-from sips_lit.types import Features, FramePair, InlierCheck, Inliers, Matches
+from sips_lit.types import Features, FramePair, InlierCheck, Inliers, Keypoints, Matches, PreparableCheck, PreparedCheck
 
 Search = Literal["exact", "binary"]
 
@@ -53,6 +54,13 @@ def verify(pair: FramePair, features0: Features, features1: Features, check: Inl
     )
 
 
+def prepared(check: InlierCheck, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints) -> PreparedCheck:
+    """The check of these points, for many sets of matches: what does not depend on the matches is done once if it can be."""
+    if isinstance(check, PreparableCheck):
+        return check.prepare(pair, keypoints0, keypoints1)
+    return partial(check, pair, keypoints0, keypoints1)
+
+
 def search_points_needed(
     pair: FramePair, features0: Features, features1: Features, check: InlierCheck, k: int, n_max: int, search: Search
 ) -> int | None:
@@ -60,8 +68,9 @@ def search_points_needed(
     if search == "exact":
         return points_needed(verify(pair, features0, features1, check).inliers_by_budget(n_max), k)
     lifetimes = mutual_nearest_lifetimes(distances(features0, features1))
+    judge = prepared(check, pair, features0.keypoints, features1.keypoints)
 
     def count(n: int) -> int:
-        return int(check(pair, features0.keypoints, features1.keypoints, lifetimes.at(n)).inlier.sum())
+        return int(judge(lifetimes.at(n)).inlier.sum())
 
     return binary_search(count, k, n_max)

@@ -22,12 +22,18 @@ def sample_depth(depth: FloatArray, xy: FloatArray) -> NDArray[np.float64]:
     return sampled
 
 
+def back_project(xy: FloatArray, depth: FloatArray, camera: Camera) -> NDArray[np.float64]:
+    """Points (N, 3) in the camera's frame that are seen at N pixels (N, 2) with depths (N,); NaN where it is NaN."""
+    homogeneous = np.column_stack([xy, np.ones(len(xy))]).astype(np.float64)
+    points: NDArray[np.float64] = (np.linalg.solve(camera.matrix, homogeneous.T) * depth).T
+    return points
+
+
 def transfer(
     xy: FloatArray, depth: FloatArray, camera_from: Camera, camera_to: Camera, T_to_from: FloatArray
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Pixels (N, 2) and depths (N,) in the other view of N pixels (N, 2) with depths (N,); NaN where behind the camera."""
-    homogeneous = np.column_stack([xy, np.ones(len(xy))]).astype(np.float64)
-    points = (np.linalg.solve(camera_from.matrix, homogeneous.T) * depth).T @ T_to_from[:3, :3].T + T_to_from[:3, 3]
+    points = back_project(xy, depth, camera_from) @ T_to_from[:3, :3].T + T_to_from[:3, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         projected = points @ camera_to.matrix.T
         behind = ~(points[:, 2] > 0)

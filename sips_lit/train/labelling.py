@@ -9,7 +9,7 @@ import numpy as np
 
 from sips_lit.inliers.point_labels import PointLabels, point_labels
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
-from sips_lit.types import Descriptor, Features, FramePair, InlierCheck, Inliers, Keypoints, Matches
+from sips_lit.types import Descriptor, Features, FramePair, InlierCheck, Inliers, Keypoints, Matches, PreparableCheck
 
 Map = Callable[..., Iterable[Any]]
 """The built-in `map`, or the one of an executor that runs the calls side by side."""
@@ -47,7 +47,8 @@ def _check_in_parts(
     parallel: Map,
     parts: int,
 ) -> Inliers:
-    if parts == 1 or not check.independent:
+    # what a check prepares is its work: each part would do all of it
+    if parts == 1 or not check.independent or isinstance(check, PreparableCheck):
         return check(pair, keypoints0, keypoints1, matches)
     chunks = [
         Matches(index0, index1)

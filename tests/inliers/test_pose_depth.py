@@ -157,6 +157,8 @@ def test_a_pair_without_geometry():
 
 
 def test_protocol():
-    assert dict(PoseDepthInliers().protocol) == {"inliers": "pose_depth", "threshold": 3.0, "occlusion": 0.05}
+    protocol = dict(PoseDepthInliers().protocol)
+    assert protocol.pop("stereo")["max_disparity"] == 192
+    assert protocol == {"inliers": "pose_depth", "threshold": 3.0, "occlusion": 0.05}
     assert PoseDepthInliers.independent
     assert not PoseDepthInliers.uses_frames

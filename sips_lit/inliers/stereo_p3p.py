@@ -1,0 +1,144 @@
+"""Inliers by an estimated pose: 3-D points of one image, P3P and RANSAC in the other (paper, labels from stereo; pose)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.errors import BadInputError
+from sips_lit.geometry.pnp import p3p_ransac
+from sips_lit.geometry.point_depth import views
+from sips_lit.geometry.pose import PoseEstimate
+from sips_lit.geometry.projection import back_project
+from sips_lit.geometry.stereo import StereoMatcher
+from sips_lit.inliers.both_ways import both_ways
+from sips_lit.types import Camera, FramePair, Inliers, Keypoints, Matches, Reason
+
+
+@dataclass(frozen=True, slots=True)
+class StereoP3PInliers:
+    """A match is an inlier if it is in the largest inlier set of a pose, both ways.
+
+    The points of image 0 with a depth (map or stereo partner) are points in space: P3P in image 1, exactly ``iterations``
+    samples, inliers within ``threshold`` pixels. Then the same from image 1 to image 0. Where only one point of a match has
+    a depth its way decides; where neither has, the match is ignored. True poses are not needed. The samples depend on
+    ``seed``, the pair and the number of matches only.
+    """
+
+    threshold: float = 3.0
+    iterations: int = 3000
+    seed: int = 0
+    stereo: StereoMatcher = field(default_factory=StereoMatcher)
+    independent: ClassVar[bool] = False
+    uses_frames: ClassVar[bool] = False
+    uses_depth: ClassVar[bool] = True
+
+    @property
+    def protocol(self) -> Mapping[str, Any]:
+        """Method and thresholds."""
+        return {
+            "inliers": "stereo_p3p",
+            "threshold": self.threshold,
+            "iterations": self.iterations,
+            "seed": self.seed,
+            "stereo": dict(self.stereo.parameters),
+        }
+
+    def with_seed(self, seed: int) -> StereoP3PInliers:
+        """The same check with other random samples."""
+        return replace(self, seed=seed)
+
+    def prepare(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints) -> PreparedStereoP3P:
+        """Depth of all points. Raises BadInputError for a pair without a camera or without any depth."""
+        both = views(pair)
+        if both is None or not (both[0].has_depth or both[1].has_depth):
+            raise BadInputError(
+                f"{pair.name} has no depth maps and no stereo partners with cameras and a baseline, which "
+                "inliers=stereo_p3p needs: use data that has them (kitti, euroc, rgbd, posed_depth) or choose inliers=klt"
+            )
+        points = [
+            back_project(keypoints.xy, view.depth_at(keypoints.xy, self.stereo), view.camera)
+            for view, keypoints in zip(both, (keypoints0, keypoints1), strict=True)
+        ]
+        sides = (
+            _Side(keypoints0.xy, points[0], both[0].camera, both[0].has_depth),
+            _Side(keypoints1.xy, points[1], both[1].camera, both[1].has_depth),
+        )
+        return PreparedStereoP3P(self, (pair.index0, pair.index1), *sides)
+
+    def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
+        """Raises BadInputError for a pair without a camera or without any depth."""
+        return self.prepare(pair, keypoints0, keypoints1)(matches)
+
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    """The N points of one image: pixels (N, 2), points in space (N, 3) with NaN where unknown, camera."""
+
+    xy: NDArray[np.float32]
+    points: NDArray[np.float64]
+    camera: Camera
+    has_depth: bool
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which points have a depth (N,)."""
+        return np.asarray(np.isfinite(self.points).all(1), np.bool_)
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedStereoP3P:
+    """The check for one pair and its points, whose depths are known: judges any matches between them."""
+
+    check: StereoP3PInliers
+    indices: tuple[int, int]
+    side0: _Side
+    side1: _Side
+
+    def __call__(self, matches: Matches) -> Inliers:
+        """Judges M matches."""
+        forth = self._one_way(self.side0, self.side1, matches.index0, matches.index1, 0)
+        back = self._one_way(self.side1, self.side0, matches.index1, matches.index0, 1)
+        ways = (
+            _reasons(forth, self.side0.known[matches.index0]),
+            _reasons(back, self.side1.known[matches.index1]),
+        )
+        return both_ways(*ways, matches, self.side0.known, self.side1.known)
+
+    def estimate(self, matches: Matches) -> PoseEstimate:
+        """The pose and which of the M matches agree with it.
+
+        As in the paper one way: with 3-D points of image 0 if it has depth, else of image 1 (the pose is then inverted).
+        """
+        if self.side0.has_depth:
+            return self._one_way(self.side0, self.side1, matches.index0, matches.index1, 0)
+        back = self._one_way(self.side1, self.side0, matches.index1, matches.index0, 1)
+        T_1_0 = None if back.T_1_0 is None else np.linalg.inv(back.T_1_0).astype(np.float64)
+        return PoseEstimate(T_1_0, back.inlier)
+
+    def _one_way(
+        self, start: _Side, goal: _Side, index_start: NDArray[np.int64], index_goal: NDArray[np.int64], way: int
+    ) -> PoseEstimate:
+        """Pose of the goal's camera in the frame of the start; a match without depth is no inlier."""
+        has_depth = np.flatnonzero(start.known[index_start])
+        # a number that is never 0 comes last: numpy ignores trailing zeros of a seed
+        generator = np.random.default_rng([self.check.seed, *self.indices, len(index_start), way + 1])
+        estimate = p3p_ransac(
+            start.points[index_start[has_depth]],
+            goal.xy[index_goal[has_depth]],
+            goal.camera,
+            generator,
+            self.check.iterations,
+            self.check.threshold,
+        )
+        inlier = np.zeros(len(index_start), np.bool_)
+        inlier[has_depth] = estimate.inlier
+        return PoseEstimate(estimate.T_1_0, inlier)
+
+
+def _reasons(estimate: PoseEstimate, known: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    return np.where(known, np.where(estimate.inlier, Reason.INLIER, Reason.FAR), Reason.UNKNOWN).astype(np.uint8)
