@@ -14,7 +14,7 @@ from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
 _OCTAVES = 4
 _REACH = 16  # mahotas drops points nearer to the border than about 15.5 times their scale
 _LOBE = 0.4  # scale of a lobe of one pixel: the filter is three lobes wide, and 9 px are scale 1.2
-_SCALE_OF_ONE = 2.2  # that SURF gives a Gaussian blob with a sigma of 3.2 px, whose scale is 1 for our SIFT
+_SCALE_OF_ONE = 2.5  # what SURF gives a Gaussian blob whose scale is 1 for our SIFT
 
 
 class Surf:
