@@ -1,0 +1,44 @@
+"""Depth maps stored as 16-bit images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.errors import BadInputError
+
+
+def read_depth_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint16]:
+    """The stored values (H, W) of a depth image that must have ``size`` (W, H); 0 means unknown.
+
+    Raises BadInputError when the file can't be read, has no 16-bit values, or is of another size.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise BadInputError(f"cannot read the depth map {path}: {error.strerror}") from error
+    try:
+        image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise BadInputError(f"the depth map {path} is not an image that OpenCV can read, or is damaged: replace it")
+    if image.dtype != np.uint16 or image.ndim != 2:
+        raise BadInputError(f"the depth map {path} has values of type {image.dtype}: it must be a grey 16-bit image")
+    if image.shape != (size[1], size[0]):
+        raise BadInputError(
+            f"the depth map {path} is {image.shape[1]}x{image.shape[0]}, but its image is {size[0]}x{size[1]}: depth must "
+            "be registered to the image, pixel by pixel"
+        )
+    return image
+
+
+def to_metres(stored: NDArray[np.uint16], unit: float) -> NDArray[np.float32]:
+    """Depth (H, W) in metres; ``unit`` is the length of one step. NaN where nothing is stored."""
+    depth = stored * np.float32(unit)
+    depth[stored == 0] = np.nan
+    return depth
