@@ -77,7 +77,7 @@ def read_vignette(path: Path, size: tuple[int, int]) -> NDArray[np.float64]:
         )
     if not image.any():
         raise BadInputError(f"{path} is black, as if no light came through the lens: download it again")
-    return _filled(image) / image.max()
+    return np.asarray(_filled(image) / image.max(), np.float64)
 
 
 def _filled(vignette: NDArray[Any]) -> NDArray[np.float64]:

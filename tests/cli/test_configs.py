@@ -11,7 +11,9 @@ from cli_runs import ROOT
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
+from robotcar_files import write_run
 from textured_scenes import texture
+from tum_mono_files import write_sequence
 
 from sips_lit.cli.app import CONF_DIR, build, register_resolvers
 
@@ -78,6 +80,10 @@ def sources_of(name: str, tmp_path: Path) -> list[str]:
             writer.write(cv2.cvtColor(texture(80, 96)[:, :], cv2.COLOR_GRAY2BGR) // (1 + i // 3))
         writer.release()
         return [f"data.path={path}"]
+    if name == "tum_mono":
+        return [f"data.path={write_sequence(tmp_path)}"]
+    if name == "robotcar":
+        return [f"data.path={write_run(tmp_path)}", "data.crop_bottom=20"]
     return []
 
 
