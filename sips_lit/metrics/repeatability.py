@@ -6,10 +6,10 @@ regions, in HPatches (Balntas et al., CVPR 2017) and SuperPoint (DeTone et al., 
 
     repeatability  = correspondences / min(N0, N1)        matching score = correct matches / min(N0, N1)
 
-N0 are the points of image 0 that image 1 sees, N1 those of image 1 that image 0 sees. Two points correspond if each, moved
-to the other image by the true geometry, is within ``threshold`` pixels of the other and no point is nearer to either of
-them: so nobody is counted twice. (SuperPoint counts every point that has some point near it, which many points in one
-place inflate.) A match is correct if its points are that near.
+N0 are the points of image 0 that image 1 sees, N1 those of image 1 that image 0 sees. Two points may correspond if each,
+moved to the other image by the true geometry, is within ``threshold`` pixels of the other. They are paired one to one:
+mutual nearest points first, then those among the rest, and so on, so nobody is counted twice. (SuperPoint counts every
+point that has some point near it, which many points in one place inflate.) A match is correct if its points are that near.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.point_depth import View, views
 from sips_lit.geometry.projection import sample_depth, transfer
-from sips_lit.match.mutual_nearest import mutual_nearest
-from sips_lit.types import Camera, FloatArray, FramePair, Matches
+from sips_lit.geometry.stereo import StereoMatcher
+from sips_lit.types import FloatArray, FramePair, Matches
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,22 +48,22 @@ class Repeated:
 
 
 def move_points(
-    pair: FramePair, xy0: FloatArray, xy1: FloatArray, occlusion: float = 0.05
+    pair: FramePair, xy0: FloatArray, xy1: FloatArray, stereo: StereoMatcher, occlusion: float = 0.05
 ) -> tuple[MovedPoints, MovedPoints] | None:
     """Points (N0, 2) and (N1, 2) of a pair moved to the other image; None where neither homography nor depth is known.
 
-    With depth maps a point is hidden where the other's surface is nearer by more than ``occlusion`` (relative). Where
-    only one image has a depth map, the points of the other can't be moved and all count as visible.
+    Depth is that of the maps or, where there are none, by ``stereo``. With maps a point is hidden where the other's
+    surface is nearer by more than ``occlusion`` (relative). Where only one image has depth, the points of the other can't
+    be moved and all count as visible.
     """
     if pair.homography is not None:
         H = pair.homography
         return _by_homography(H, xy0, pair.image1.shape), _by_homography(np.linalg.inv(H), xy1, pair.image0.shape)
-    g = pair.geometry
-    if g is None or g.T_1_0 is None or (g.depth0 is None and g.depth1 is None):
+    both, T_1_0 = views(pair), None if pair.geometry is None else pair.geometry.T_1_0
+    if both is None or T_1_0 is None or not (both[0].has_depth or both[1].has_depth):
         return None
-    forth = _by_depth(xy0, g.depth0, g.depth1, g.camera0, g.camera1, g.T_1_0, occlusion)
-    back = _by_depth(xy1, g.depth1, g.depth0, g.camera1, g.camera0, np.linalg.inv(g.T_1_0), occlusion)
-    return forth, back
+    forth = _by_depth(xy0, *both, T_1_0, stereo, occlusion)
+    return forth, _by_depth(xy1, *both[::-1], np.linalg.inv(T_1_0), stereo, occlusion)
 
 
 def repeated(
@@ -83,10 +84,21 @@ def repeated(
     if not seen:
         return Repeated(0.0, 0.0)
     distance = _distances(xy0, xy1, moved0, moved1)
-    nearest = mutual_nearest(distance)
-    corresponding = int((distance[nearest.index0, nearest.index1] <= threshold).sum())
+    corresponding = _pair_up(distance, threshold)
     correct = int((distance[matches.index0, matches.index1] <= threshold).sum())
     return Repeated(corresponding / seen, correct / seen)
+
+
+def _pair_up(distance: NDArray[np.float64], threshold: float) -> int:
+    """Pairs when rows and columns of (N0, N1) are paired one to one, the nearest first, up to ``threshold``."""
+    rows, columns = np.nonzero(distance <= threshold)
+    order = np.argsort(distance[rows, columns], kind="stable")
+    taken0, taken1 = set[int](), set[int]()
+    for row, column in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
+        if row not in taken0 and column not in taken1:
+            taken0.add(row)
+            taken1.add(column)
+    return len(taken0)
 
 
 def _distances(xy0: FloatArray, xy1: FloatArray, moved0: MovedPoints, moved1: MovedPoints) -> NDArray[np.float64]:
@@ -104,22 +116,16 @@ def _by_homography(H: FloatArray, xy: FloatArray, shape: tuple[int, ...]) -> Mov
 
 
 def _by_depth(
-    xy: FloatArray,
-    depth: FloatArray | None,
-    depth_there: FloatArray | None,
-    camera: Camera,
-    camera_there: Camera,
-    T_there_here: FloatArray,
-    occlusion: float,
+    xy: FloatArray, here: View, there: View, T_there_here: FloatArray, stereo: StereoMatcher, occlusion: float
 ) -> MovedPoints:
-    if depth is None:
+    if not here.has_depth:
         everything = np.ones(len(xy), np.bool_)
         return MovedPoints(np.full((len(xy), 2), np.nan), everything, everything)
-    own = sample_depth(depth, xy)
-    moved, distance = transfer(xy, own, camera, camera_there, T_there_here)
-    visible = _inside(moved, camera_there.size)
-    if depth_there is not None:
-        surface = sample_depth(depth_there, np.where(np.isfinite(moved), moved, -10))
+    own = here.depth_at(xy, stereo)
+    moved, distance = transfer(xy, own, here.camera, there.camera, T_there_here)
+    visible = _inside(moved, there.camera.size)
+    if there.depth is not None:
+        surface = sample_depth(there.depth, np.where(np.isfinite(moved), moved, -10))
         with np.errstate(invalid="ignore"):
             visible &= ~np.asarray(surface < distance * (1 - occlusion))
     return MovedPoints(moved, np.isfinite(own), visible)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.metrics.repeatability import MovedPoints, move_points, repeated
 from sips_lit.types import Camera, FramePair, Matches, ViewGeometry
 
@@ -25,7 +26,7 @@ def shifted(dx: float) -> FramePair:
 
 
 def measure(pair, xy0, xy1, matches=NO_MATCH, threshold=3.0):
-    return repeated(xy0, xy1, *move_points(pair, xy0, xy1), matches, threshold)
+    return repeated(xy0, xy1, *move_points(pair, xy0, xy1, StereoMatcher()), matches, threshold)
 
 
 def test_counted_by_hand():
@@ -70,7 +71,7 @@ def test_nothing_in_the_common_view():
 
 
 def test_no_truth():
-    assert move_points(FramePair("p", 0, 1, (IMAGE,), IMAGE, IMAGE), points(), points()) is None
+    assert move_points(FramePair("p", 0, 1, (IMAGE,), IMAGE, IMAGE), points(), points(), StereoMatcher()) is None
     unknown = MovedPoints(np.full((2, 2), np.nan), np.zeros(2, bool), np.zeros(2, bool))
     known = MovedPoints(points((1, 1)), np.ones(1, bool), np.ones(1, bool))
     assert math.isnan(repeated(points((1, 1), (2, 2)), points((1, 1)), unknown, known, NO_MATCH).repeatability)
@@ -90,7 +91,7 @@ def test_by_depth():
     depth[:50, 150:] = np.nan
     pair = stereo(depth, None)
     xy0 = points((120, 20), (60, 20), (10, 20), (160, 20))
-    moved0, moved1 = move_points(pair, xy0, points((3, 3)))
+    moved0, moved1 = move_points(pair, xy0, points((3, 3)), StereoMatcher())
     np.testing.assert_allclose(moved0.xy[:3], [[110, 20], [40, 20], [-10, 20]])
     assert np.isnan(moved0.xy[3]).all()
     assert moved0.known.tolist() == [True, True, True, False]
@@ -102,23 +103,31 @@ def test_by_depth():
 
 def test_hidden_by_a_nearer_surface():
     far, near = np.full((100, 200), 10.0), np.full((100, 200), 9.0)
-    assert not move_points(stereo(far, near), points((120, 20)), points())[0].visible.any()
-    assert move_points(stereo(far, 9.6 * np.ones((100, 200))), points((120, 20)), points())[0].visible.all()
+    assert not move_points(stereo(far, near), points((120, 20)), points(), StereoMatcher())[0].visible.any()
+    assert move_points(stereo(far, 9.6 * np.ones((100, 200))), points((120, 20)), points(), StereoMatcher())[
+        0
+    ].visible.all()
 
 
-coordinates = st.lists(st.tuples(st.integers(0, 60), st.integers(0, 60)), max_size=8)
+def test_features_of_several_orientations_count_each():
+    """Two descriptors at one place in both images are two points, found again twice."""
+    xy0, xy1 = points((50, 50), (50, 50), (90, 20)), points((51, 50), (51, 50), (10, 80))
+    matches = Matches(np.array([0, 1]), np.array([1, 0]))
+    result = measure(shifted(0), xy0, xy1, matches)
+    assert (result.repeatability, result.matching_score) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
 
 
 @settings(max_examples=60, deadline=None)
-@given(coordinates, coordinates, st.integers(0, 6))
-def test_the_slow_twin(left, right, threshold):
-    """Mutual nearest neighbours one by one, where nothing moves and everything is seen."""
-    found = 0
-    for i, p in enumerate(left):
-        to = [math.dist(p, q) for q in right]
-        if to and min(to) <= threshold:
-            j = to.index(min(to))
-            back = [math.dist(r, right[j]) for r in left]
-            found += back.index(min(back)) == i
-    result = measure(shifted(0), points(*left), points(*right), threshold=threshold)
-    assert result.repeatability == pytest.approx(found / max(1, min(len(left), len(right))))
+@given(st.integers(0, 9), st.integers(0, 9), st.integers(0, 12), st.integers(0, 1000))
+def test_the_slow_twin(n0, n1, threshold, seed):
+    """Mutual nearest neighbours again and again among those that are left, where nothing moves and all is seen."""
+    generator = np.random.default_rng(seed)
+    xy0, xy1 = generator.random((n0, 2)) * 30, generator.random((n1, 2)) * 30
+    left, right, found = list(xy0), list(xy1), 0
+    while left and right:
+        distance = np.array([[math.dist(p, q) for q in right] for p in left])
+        i, j = np.unravel_index(distance.argmin(), distance.shape)
+        found += distance[i, j] <= threshold
+        del left[i], right[j]
+    result = measure(shifted(0), xy0, xy1, threshold=threshold)
+    assert result.repeatability == pytest.approx(found / max(1, min(n0, n1)))

@@ -1,0 +1,181 @@
+"""Everything that a benchmark measures of one pair with the features of one detector.
+
+What is odd is defined here, once:
+
+- Fewer points than a budget: all there are. No points, or fewer than k inliers at every budget: n_k is infinite.
+- A pose error is NaN where nobody knows the true pose, or neither depth maps nor stereo partners exist. It is infinite
+  where there is no n_k, where fewer than four matches have a depth, where P3P with RANSAC finds nothing, and, at a budget,
+  where the pose has fewer than ``pose_inliers`` inliers.
+- Repeatability and matching score are NaN where points can't be transferred (see `sips_lit.metrics.repeatability`).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.errors import BadInputError
+from sips_lit.evaluate.judge import Judge, Verdict
+from sips_lit.evaluate.pair_pose import PairPose
+from sips_lit.geometry.stereo import StereoMatcher
+from sips_lit.inliers.point_labels import point_labels
+from sips_lit.metrics.repeatability import Repeated, move_points, repeated
+from sips_lit.metrics.spread import spread
+from sips_lit.types import Features, FramePair, Matches
+
+FloatArray = NDArray[np.float64]
+KS = (5, 6, 7, 8, 10, 12, 15, 20, 25, 30)
+
+
+@dataclass(frozen=True, slots=True)
+class Measures:
+    """What is measured.
+
+    ``ks``: inliers that a pair needs, within ``n_max`` points; ``budgets``: numbers of points at which the rest is measured;
+    ``repeats`` of checks that are random; ``calibration``: budgets for it (probabilities only); ``pose``: whether poses are
+    estimated, by RANSAC of ``iterations``, with inliers within ``pose_threshold`` pixels, a pose at a budget counting
+    from ``pose_inliers`` on; ``threshold`` (pixels) of repeatability; ``cells`` a side of the grid for the spread.
+    Raises BadInputError for what can't be measured.
+    """
+
+    ks: tuple[int, ...] = KS
+    n_max: int = 200
+    budgets: tuple[int, ...] = (50,)
+    repeats: int = 5
+    calibration: tuple[int, ...] = (50, 500)
+    pose: bool = True
+    iterations: int = 3000
+    pose_threshold: float = 3.0
+    pose_inliers: int = 10
+    threshold: float = 3.0
+    cells: int = 8
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.ks or not all(1 <= k < self.n_max for k in self.ks) or len(set(self.ks)) < len(self.ks):
+            raise BadInputError(
+                f"ks is {list(self.ks)} and n_max is {self.n_max}: give different numbers from 1, all below n_max"
+            )
+        if not all(1 <= n <= self.n_max for n in self.budgets) or len(set(self.budgets)) < len(self.budgets):
+            raise BadInputError(
+                f"budgets is {list(self.budgets)}: give different numbers from 1 to n_max = {self.n_max}"
+            )
+        for name in ("repeats", "iterations", "cells"):
+            if getattr(self, name) < 1:
+                raise BadInputError(f"{name} is {getattr(self, name)}: give at least 1")
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetMeasurement:
+    """Of a pair at one budget: ``inliers`` and pose errors (R,), and numbers of the first repeat."""
+
+    matches: int
+    inliers: NDArray[np.int64]
+    rotation_error: FloatArray
+    translation_error: FloatArray
+    repeated: Repeated
+    spread: float
+
+
+@dataclass(frozen=True, slots=True)
+class PairMeasurement:
+    """Of a pair: ``n_k`` and pose errors (R, K), inf = failure; per budget; outcomes of points (``scores``, ``inlier``)."""
+
+    n_k: FloatArray
+    rotation_error: FloatArray
+    translation_error: FloatArray
+    budgets: Mapping[int, BudgetMeasurement]
+    outcomes: Mapping[int, tuple[NDArray[np.float32], NDArray[np.bool_]]]
+    milliseconds: Mapping[str, float]
+
+
+def measure(
+    pair: FramePair,
+    features0: Features,
+    features1: Features,
+    judge: Judge,
+    pose: PairPose | None,
+    m: Measures,
+    probabilities: bool,
+) -> PairMeasurement:
+    """Measures a pair by its judge. ``pose`` estimates poses (None: they are not measured).
+
+    ``probabilities``: whether the scores are probabilities of being an inlier, to be calibrated.
+    """
+    begin = time.perf_counter()
+    shape = judge.repeats, len(m.ks)
+    n_k, rotation, translation = np.full(shape, math.inf), np.full(shape, math.nan), np.full(shape, math.nan)
+    for repeat in range(judge.repeats):
+        for column, k in enumerate(m.ks):
+            needed = judge.needed(k, m.n_max, repeat)
+            n_k[repeat, column] = math.inf if needed is None else needed
+    verified = time.perf_counter()
+    if pose is not None:
+        rotation, translation = _errors_at(n_k, judge, pose)
+    budgets = {n: _at_budget(pair, features0, features1, judge, pose, n, m) for n in m.budgets}
+    outcomes = {n: _outcomes(features0, features1, judge.at(n, 0), n) for n in m.calibration} if probabilities else {}
+    elapsed = {"verify": 1e3 * (verified - begin), "metrics": 1e3 * (time.perf_counter() - verified)}
+    return PairMeasurement(n_k, rotation, translation, budgets, outcomes, elapsed)
+
+
+def _errors_at(n_k: FloatArray, judge: Judge, pose: PairPose) -> tuple[FloatArray, FloatArray]:
+    """Pose errors (R, K) of the matches at ``n_k`` (R, K) points."""
+    rotation, translation = np.full(n_k.shape, math.inf), np.full(n_k.shape, math.inf)
+    for repeat in range(len(n_k)):
+        for n in np.unique(n_k[repeat][np.isfinite(n_k[repeat])]):  # several k may need as many points
+            at = n_k[repeat] == n
+            rotation[repeat, at], translation[repeat, at] = pose.errors(judge.at(int(n), repeat).matches, repeat)
+    return rotation, translation
+
+
+def _at_budget(
+    pair: FramePair,
+    features0: Features,
+    features1: Features,
+    judge: Judge,
+    pose: PairPose | None,
+    n: int,
+    m: Measures,
+) -> BudgetMeasurement:
+    verdicts = [judge.at(n, repeat) for repeat in range(judge.repeats)]
+    errors = np.full((judge.repeats, 2), math.nan)
+    if pose is not None:
+        errors[:] = [pose.errors(verdict.matches, repeat, m.pose_inliers) for repeat, verdict in enumerate(verdicts)]
+    first = verdicts[0]
+    xy0 = features0.keypoints.xy
+    inlier0 = first.matches.index0[first.inliers.inlier]
+    return BudgetMeasurement(
+        matches=len(first.matches),
+        inliers=np.array([verdict.count for verdict in verdicts], np.int64),
+        rotation_error=errors[:, 0],
+        translation_error=errors[:, 1],
+        repeated=_repeated(pair, features0.best(n), features1.best(n), first.matches, m.threshold),
+        spread=spread(xy0[inlier0], (pair.image0.shape[1], pair.image0.shape[0]), m.cells),
+    )
+
+
+def _repeated(pair: FramePair, best0: Features, best1: Features, matches: Matches, threshold: float) -> Repeated:
+    xy0, xy1 = best0.keypoints.xy, best1.keypoints.xy
+    moved = move_points(pair, xy0, xy1, StereoMatcher())
+    return Repeated(math.nan, math.nan) if moved is None else repeated(xy0, xy1, *moved, matches, threshold)
+
+
+def _outcomes(
+    features0: Features, features1: Features, verdict: Verdict, n: int
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Predicted probability and truth of the ``n`` best points of both images, where the truth is known."""
+    sides = (
+        (features0.keypoints.score[:n], verdict.matches.index0, verdict.inliers.known0),
+        (features1.keypoints.score[:n], verdict.matches.index1, verdict.inliers.known1),
+    )
+    scores, truths = [], []
+    for score, point_of_match, known in sides:
+        labels = point_labels(verdict.inliers, point_of_match, known)
+        scores.append(score[labels.known])
+        truths.append(labels.inlier[labels.known])
+    return np.concatenate(scores), np.concatenate(truths)
