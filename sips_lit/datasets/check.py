@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -39,7 +40,7 @@ class SequenceReport:
 
     ``sizes`` (W, H) of the frames that open and how many have each; ``rate`` in frames per second, None if unknown;
     ``unreadable``: one sentence for each file that does not open; ``path_metres`` and ``turn_degrees``: how far the camera
-    moves and turns by its poses, None without.
+    moves and turns by its poses, None without; ``depth_known``: fraction of the pixels of each depth map that have a depth.
     """
 
     name: str
@@ -50,6 +51,7 @@ class SequenceReport:
     unreadable: list[str] = field(default_factory=list)
     path_metres: float | None = None
     turn_degrees: float | None = None
+    depth_known: list[float] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -87,7 +89,10 @@ def check_sequence(sequence: ImageSequence, advance: Callable[[int], object] = l
         try:
             height, width = sequence.frame(index).shape
             report.sizes[width, height] += 1
-            report.parts.update(_parts(sequence, index))
+            known = {part: value for part, value in _parts(sequence, index).items() if value is not None}
+            report.parts.update(known.keys())
+            if "depth" in known:
+                report.depth_known.append(float(np.isfinite(known["depth"]).mean()))
         except BadInputError as error:
             report.unreadable.append(str(error))
         advance(1)
@@ -96,8 +101,8 @@ def check_sequence(sequence: ImageSequence, advance: Callable[[int], object] = l
     return report
 
 
-def _parts(sequence: ImageSequence, index: int) -> Iterator[str]:
-    known = {
+def _parts(sequence: ImageSequence, index: int) -> dict[str, Any]:
+    return {
         "right images": sequence.right(index),
         "intrinsics": sequence.camera(index),
         "poses": sequence.pose(index),
@@ -105,7 +110,6 @@ def _parts(sequence: ImageSequence, index: int) -> Iterator[str]:
         "times": sequence.time(index),
         "homographies": sequence.homography(0, index),
     }
-    return (part for part, value in known.items() if value is not None)
 
 
 def frame_rate(sequence: ImageSequence) -> float | None:
@@ -171,6 +175,8 @@ def remarks(report: DataSetReport) -> list[str]:
                 said.append(f"{sequence.name}: {count} {part}")
         if sequence.frames == 1:
             said.append(f"{sequence.name}: a single frame makes no pair")
+        if sequence.depth_known:
+            said.append(f"{sequence.name}: {np.mean(sequence.depth_known):.0%} of the pixels have a depth")
         if _stands_still(sequence):
             said.append(
                 f"{sequence.name}: the camera stands still (at most {sequence.path_metres:.3f} m and "

@@ -45,6 +45,17 @@ def test_parts_path_rate_and_damage_are_counted():
     assert report.turn_degrees == pytest.approx(30)
 
 
+def test_how_much_of_the_depth_is_known():
+    class Sparse(ArraySequence):
+        def depth(self, index):
+            return np.where(np.arange(100).reshape(10, 10) < 30, 2.0, np.nan)
+
+    report = check_sequence(Sparse(flight(2).frames))
+    assert report.depth_known == pytest.approx([0.3, 0.3])
+    dataset = DataSet("rgbd", "RGB-D", Path(), "a test")
+    assert any("30% of the pixels" in remark for remark in remarks(DataSetReport(dataset, [report])))
+
+
 def test_every_frame_is_told():
     told = []
     check_sequence(Posed(flight(4).frames), told.append)
