@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -116,6 +117,8 @@ def _best(trainer: L.Trainer) -> tuple[Path, float]:
 
 
 def _report(trainer: L.Trainer, data: PairDataModule, best: Path, auc: float, folder: Path, outputs: Path) -> None:
+    if data.skipped.count:
+        print(f"warning: {data.skipped}", file=sys.stderr)
     print(f"\nbest validation AUC {auc:.3f} on {len(data.val_choices)} fixed pairs ({data.validation_digest()})")
     print(f"checkpoint:  {best}\npictures:    {folder / 'pictures'}")
     print(f"TensorBoard: tensorboard --logdir {outputs}")

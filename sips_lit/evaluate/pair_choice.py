@@ -10,7 +10,7 @@ from typing import Literal, get_args
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.pair_file import ListedPair, read_pair_file
 from sips_lit.frames.source import Source
-from sips_lit.tracking.build import build_indexes
+from sips_lit.tracking.build import build_indexes, require_readable
 from sips_lit.tracking.overlap import OverlapParameters
 from sips_lit.tracking.source_pairs import SourceSampler
 
@@ -31,7 +31,8 @@ def choose_pairs(
 
     ``pairs_file`` wins over everything else. Otherwise ``random``: ``pairs`` different pairs (fewer, if there are not so
     many) of at least ``overlap``, fixed by ``seed``; ``first_to_others``: the first frame of each sequence with each of
-    its others (HPatches). Raises BadInputError for impossible numbers and when no pair reaches the overlap.
+    its others (HPatches). Raises BadInputError for impossible numbers when no pair reaches the overlap, and
+    when a frame can't be read.
     """
     sequences = [sequence for source in sources for sequence in source.sequences]
     if pairs_file is not None:
@@ -47,6 +48,7 @@ def choose_pairs(
     if pairs < 1:
         raise BadInputError(f"pairs is {pairs}: measure at least one")
     indexes = build_indexes(sequences, index_folder, OverlapParameters(), workers)
+    require_readable(indexes)
     first_of_source = [sum(len(source.sequences) for source in sources[:at]) for at in range(len(sources))]
     listed = []
     for at, choice in SourceSampler(sources, indexes, overlap, seed).fixed(pairs):

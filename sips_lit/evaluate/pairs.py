@@ -9,7 +9,7 @@ from typing import Any
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources
-from sips_lit.tracking.build import build_indexes
+from sips_lit.tracking.build import build_indexes, require_readable
 from sips_lit.tracking.overlap import OverlapParameters
 from sips_lit.tracking.source_pairs import FixedPairs, SourceSampler
 from sips_lit.types import FramePair, ImageSequence, InlierCheck
@@ -51,6 +51,7 @@ def draw_pairs(
     sources = as_sources(data)
     sequences = [sequence for source in sources for sequence in source.sequences]
     indexes = build_indexes(sequences, index_folder, overlap_parameters or OverlapParameters(), workers)
+    require_readable(indexes)
     choices = SourceSampler(sources, indexes, overlap, seed).fixed(pairs)
     checks = [source.inliers or inliers for source in sources]
     protocol = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +16,14 @@ from sips_lit.types import FramePair, InlierCheck
 
 @dataclass(frozen=True, slots=True)
 class SourcePair:
-    """A pair and the position of its source in the list of sources."""
+    """A pair and the position of its source in the list of sources.
+
+    ``skipped`` tells why pairs that were drawn in its place before could not be read.
+    """
 
     pair: FramePair
     source: int
+    skipped: tuple[str, ...] = ()
 
 
 class SourceSampler:
@@ -48,14 +52,18 @@ class SourceSampler:
         at = int(np.searchsorted(self.cumulative_weight, generator.random(), side="right"))
         return at, self.samplers[at].draw(epoch, index)
 
-    def fixed(self, count: int) -> list[tuple[int, PairChoice]]:
-        """``count`` different pairs (fewer if there are not so many), always the same for a seed."""
-        chosen: dict[tuple[int, PairChoice], None] = {}
+    def fixed(
+        self, count: int, usable: Callable[[int, PairChoice], bool] = lambda source, choice: True
+    ) -> list[tuple[int, PairChoice]]:
+        """``count`` different ``usable`` pairs (fewer if there are not so many), always the same for a seed."""
+        chosen: dict[tuple[int, PairChoice], bool] = {}
         for index in range(20 * count):  # draws repeat: stop looking after many
-            chosen[self.draw(0, index)] = None
-            if len(chosen) == count:
+            drawn = self.draw(0, index)
+            if drawn not in chosen:
+                chosen[drawn] = usable(*drawn)
+            if sum(chosen.values()) == count:
                 break
-        return list(chosen)
+        return [drawn for drawn, used in chosen.items() if used]
 
 
 class FixedPairs(Dataset[SourcePair]):

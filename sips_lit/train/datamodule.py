@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import lightning as L
 import torch
+from lightning.pytorch.utilities import rank_zero_only
 from torch.utils.data import DataLoader
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources, split_tail
-from sips_lit.tracking.build import build_indexes
-from sips_lit.tracking.overlap import OverlapParameters
+from sips_lit.tracking.build import build_indexes, unreadable_frames
+from sips_lit.tracking.overlap import OverlapIndex, OverlapParameters
+from sips_lit.tracking.pairs import PairChoice, read_pair
 from sips_lit.tracking.source_pairs import FixedPairs, SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead
+from sips_lit.train.skipped import SkippedPairs
 from sips_lit.types import Descriptor, ImageSequence, InlierCheck
 
 
@@ -52,6 +56,7 @@ class PairDataModule(L.LightningDataModule):
         self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
         self.overlap, self.val_pairs, self.seed = overlap, val_pairs, seed
         self.loading_workers, self.labelling_workers = loading_workers, labelling_workers
+        self.skipped = SkippedPairs()
         if val_data is None:
             self.sources, self.val_sources = split_tail(as_sources(data), val_fraction)
         else:
@@ -73,18 +78,44 @@ class PairDataModule(L.LightningDataModule):
 
     def prepare_data(self) -> None:
         """Measures the overlap indexes that are missing (on one process of each machine)."""
-        self._sampler(self.sources)
-        self._sampler(self.val_sources)
+        for sources in (self.sources, self.val_sources):
+            self._sampler(sources, self._indexes(sources))  # tells of data without pairs before processes start
 
     def setup(self, stage: str) -> None:
-        """Reads the indexes and fixes the validation pairs."""
-        self.sampler = self._sampler(self.sources)
-        self.val_choices = self._sampler(self.val_sources).fixed(self.val_pairs)
+        """Reads the indexes and fixes the validation pairs; warns of frames that can't be read, which are in no pair."""
+        indexes, val_indexes = self._indexes(self.sources), self._indexes(self.val_sources)
+        warn_unreadable("frames of the training data", unreadable_frames(indexes))
+        warn_unreadable("frames of the validation data", unreadable_frames(val_indexes))
+        self.sampler = self._sampler(self.sources, indexes)
+        unreadable: list[str] = []
 
-    def _sampler(self, sources: list[Source]) -> SourceSampler:
+        def usable(source: int, choice: PairChoice) -> bool:
+            why = self._why_unreadable(self.val_sources[source], choice)
+            unreadable.extend([] if why is None else [why])
+            return why is None
+
+        self.val_choices = self._sampler(self.val_sources, val_indexes).fixed(self.val_pairs, usable)
+        warn_unreadable("validation pairs", unreadable)
+        if not self.val_choices:
+            raise BadInputError(f"no validation pair can be read; the first: {unreadable[0]}")
+
+    def _indexes(self, sources: list[Source]) -> list[OverlapIndex]:
         sequences = [sequence for source in sources for sequence in source.sequences]
-        indexes = build_indexes(sequences, self.index_folder, self.overlap_parameters, max(1, self.loading_workers))
+        return build_indexes(sequences, self.index_folder, self.overlap_parameters, max(1, self.loading_workers))
+
+    def _sampler(self, sources: list[Source], indexes: list[OverlapIndex]) -> SourceSampler:
         return SourceSampler(sources, indexes, self.overlap, self.seed)
+
+    def _why_unreadable(self, source: Source, choice: PairChoice) -> str | None:
+        """Why a pair can't be read; None if it can, or the overlap index has seen all that is read of it."""
+        sequence, check = source.sequences[choice.sequence], self.check_of(source)
+        if not check.uses_depth and sequence.homography(choice.index0, choice.index1) is None:
+            return None
+        try:
+            read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
+        except BadInputError as error:
+            return str(error)
+        return None
 
     def train_dataloader(self) -> OneStepAhead:
         """Labelled pairs; the points are selected by the module that is being trained."""
@@ -103,6 +134,7 @@ class PairDataModule(L.LightningDataModule):
             self.labelling_workers,
             first=trainer.global_rank,
             stride=trainer.world_size,
+            skipped=self.skipped,
         )
 
     def val_dataloader(self) -> DataLoader[Any]:
@@ -118,3 +150,12 @@ class PairDataModule(L.LightningDataModule):
         """Changes when the validation pairs change: curves of different runs compare only where it is the same."""
         names = [(self.val_sources[at].sequences[choice.sequence].name, choice) for at, choice in self.val_choices]
         return hashlib.sha256(repr(names).encode()).hexdigest()[:8]
+
+
+@rank_zero_only
+def warn_unreadable(what: str, reasons: Sequence[str]) -> None:
+    """One line on standard error about what is left out because it can't be read, if there is any."""
+    if reasons:
+        print(
+            f"warning: {what} can't be read and are left out ({len(reasons)}); the first: {reasons[0]}", file=sys.stderr
+        )

@@ -17,9 +17,14 @@ from sips_lit.tracking.source_pairs import FixedPairs, SourcePair, SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.types import FramePair, GreyImage, InlierCheck
 
+TRIES = 20
+
 
 class TrainingPairs(Dataset[SourcePair]):
-    """Pair number i of a run, the same whichever worker makes it and after whichever interruption."""
+    """Pair number i of a run, the same whichever worker makes it and after whichever interruption.
+
+    In place of a pair that can't be read another is drawn, until one can.
+    """
 
     def __init__(
         self,
@@ -36,13 +41,22 @@ class TrainingPairs(Dataset[SourcePair]):
         return self.length
 
     def __getitem__(self, index: int) -> SourcePair:
-        """Pair ``index``; raises BadInputError when one of its frames can't be read."""
-        at, choice = self.sampler.draw(0, index)
-        sequence, check = self.sources[at].sequences[choice.sequence], self.checks[at]
-        pair = read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
-        if self.augmentation is not None:
-            pair = self.augmentation(pair, np.random.default_rng([self.sampler.seed, 0, index, 1]))
-        return SourcePair(pair, at)
+        """Pair ``index``; raises BadInputError when `TRIES` pairs in a row can't be read."""
+        skipped: list[str] = []
+        for attempt in range(TRIES):
+            at, choice = self.sampler.draw(attempt, index)  # a run is one long epoch: the sampler's epoch counts tries
+            sequence, check = self.sources[at].sequences[choice.sequence], self.checks[at]
+            try:
+                pair = read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
+            except BadInputError as error:
+                skipped.append(str(error))
+                continue
+            if self.augmentation is not None:
+                planar = not (check.uses_frames or check.uses_depth)
+                generator = np.random.default_rng([self.sampler.seed, 0, index, 1])
+                pair = self.augmentation(pair, generator, planar)
+            return SourcePair(pair, at, tuple(skipped))
+        raise BadInputError(f"{TRIES} training pairs in a row can't be read; the first: {skipped[0]}")
 
 
 class PackedPairs(Dataset[dict[str, Any] | BadInputError]):
@@ -70,7 +84,7 @@ def pack(item: SourcePair) -> dict[str, Any]:
     """The pair with all its images in one flat tensor."""
     images = [*item.pair.frames, item.pair.image0, item.pair.image1]
     return {
-        "item": SourcePair(_with_images(item.pair, []), item.source),
+        "item": replace(item, pair=_with_images(item.pair, [])),
         "shapes": [image.shape for image in images],
         "pixels": torch.from_numpy(np.concatenate([image.ravel() for image in images])),
     }
@@ -85,7 +99,7 @@ def unpack(packed: Mapping[str, Any] | BadInputError) -> SourcePair:
     parts = np.split(packed["pixels"].numpy(), borders)
     images = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
     item: SourcePair = packed["item"]
-    return SourcePair(_with_images(item.pair, images), item.source)
+    return replace(item, pair=_with_images(item.pair, images))
 
 
 def _with_images(pair: FramePair, images: list[GreyImage]) -> FramePair:

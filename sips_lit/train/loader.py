@@ -21,12 +21,16 @@ from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.tracking.source_pairs import SourcePair
 from sips_lit.train.dataset import PackedPairs, unpack
 from sips_lit.train.labelling import label_pair
+from sips_lit.train.skipped import SkippedPairs
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
 
 @dataclass(frozen=True, slots=True)
 class LabelledPair:
-    """What a training step needs: both images (1, 1, H, W) float, their points and labels, where the pair is from."""
+    """What a training step needs: both images (1, 1, H, W) float, their points and labels, where the pair is from.
+
+    ``skipped``: how many pairs the run left out so far because they can't be read.
+    """
 
     image0: Tensor
     image1: Tensor
@@ -36,6 +40,7 @@ class LabelledPair:
     labels1: PointLabels
     source: int
     name: str
+    skipped: int = 0
 
     def to(self, device: torch.device, non_blocking: bool = False) -> LabelledPair:
         """The same with its images on a device; points and labels stay where they are small and used."""
@@ -51,7 +56,8 @@ class OneStepAhead:
 
     Asks ``select`` for the points of the next pair, hands them to ``workers`` labelling threads (OpenCV releases the
     GIL), and yields the pair labelled before. The state is the position in the stream of pairs and the points of the pair
-    that is being labelled: with it a resumed run continues as if it had not been interrupted.
+    that is being labelled: with it a resumed run continues as if it had not been interrupted. ``skipped`` counts the pairs
+    that can't be read.
     """
 
     def __init__(
@@ -64,7 +70,9 @@ class OneStepAhead:
         labelling_workers: int,
         first: int = 0,
         stride: int = 1,
+        skipped: SkippedPairs | None = None,
     ) -> None:
+        self.skipped = skipped or SkippedPairs()
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
         self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
         self.first, self.stride = first, stride  # this process takes pairs first, first + stride, ...
@@ -88,21 +96,22 @@ class OneStepAhead:
         )
         with _pool(1) as coordinator, _pool(self.labelling_workers) as workers:
 
-            def submit(ahead: Points | None = None) -> tuple[Points, Future[LabelledPair]] | None:
+            def submit(ahead: Points | None = None) -> tuple[Points, tuple[str, ...], Future[LabelledPair]] | None:
                 packed = next(stream, None)
                 if packed is None:
                     return None
                 item = unpack(packed)
                 points = ahead or (self.select(item.pair.image0), self.select(item.pair.image1))
-                return points, coordinator.submit(self._label, item, points, workers)
+                return points, item.skipped, coordinator.submit(self._label, item, points, workers)
 
             labelling = submit(self._ahead)
             while labelling is not None:
                 following = submit()
-                labelled = labelling[1].result()
+                labelled = labelling[2].result()
                 self.position += 1
+                self.skipped.add(labelling[1], self.position)
                 self._ahead = following[0] if following else None
-                yield labelled
+                yield replace(labelled, skipped=self.skipped.count)
                 labelling = following
 
     def _label(self, item: SourcePair, points: Points, workers: ThreadPoolExecutor) -> LabelledPair:
@@ -121,11 +130,13 @@ class OneStepAhead:
 
     def state_dict(self) -> dict[str, Any]:
         """Plain numbers and tensors, as a checkpoint may hold."""
-        return {"position": self.position, "ahead": [_to_state(points) for points in self._ahead or ()]}
+        ahead = [_to_state(points) for points in self._ahead or ()]
+        return {"position": self.position, "ahead": ahead, "skipped": self.skipped.state_dict()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Continue where the state was taken."""
         self.position = state["position"]
+        self.skipped.load_state_dict(state["skipped"])
         self._ahead = (_from_state(state["ahead"][0]), _from_state(state["ahead"][1])) if state["ahead"] else None
 
 

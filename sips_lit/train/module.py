@@ -75,6 +75,7 @@ class SipsModule(L.LightningModule):
         source = self.data.source_names[pair.source]
         self.log_dict({**rates, f"inlier_rate/{source}": rates["labels/inlier"]}, batch_size=1)
         self.log("train/points", float(len(known)), batch_size=1)
+        self.log("data/skipped_pairs", float(pair.skipped), batch_size=1)
         self.log("train/loss", loss.detach() / count, prog_bar=True, batch_size=1)
         self.log("inliers", rates["labels/inlier"], prog_bar=True, logger=False, batch_size=1)
 

@@ -53,3 +53,14 @@ def test_no_pair_overlaps(tmp_path):
 def test_no_sequence(tmp_path):
     with pytest.raises(BadInputError, match="no sequence"):
         draw_pairs([], KltInliers(), tmp_path, 5, 0.5)
+
+
+def test_evaluations_need_every_frame(tmp_path):
+    class Damaged(ArraySequence):
+        def frame(self, index):
+            if index == 3:
+                raise BadInputError("walk/003.png is damaged")
+            return super().frame(index)
+
+    with pytest.raises(BadInputError, match=r"an evaluation needs every frame, but walk/003\.png is damaged"):
+        draw_pairs([sequence(known=False), Damaged(flight(9).frames, "walk")], KltInliers(), tmp_path, 5, 0.4)

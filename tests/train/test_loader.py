@@ -180,24 +180,6 @@ def test_a_stream_of_one_pair():
     assert learner.events == [("select", 0), ("select", 0), ("step", 0)]
 
 
-class Damaged(ArraySequence):
-    """Its last frame can't be read."""
-
-    def frame(self, index: int) -> GreyImage:
-        if index == len(self) - 1:
-            raise BadInputError("clip/007.png is damaged: replace or remove it")
-        return super().frame(index)
-
-
-@pytest.mark.parametrize("loading", [0, 1])
-def test_a_damaged_frame_arrives_word_by_word(loading):
-    learner, pairs = Learner(), pairs_of(Damaged(flight(3).frames, "clip"), length=30)
-    stream = OneStepAhead(pairs, learner.select, RootSift(), [KltInliers()], loading, 1)
-    with pytest.raises(BadInputError) as caught:
-        run(stream, learner)
-    assert str(caught.value) == "clip/007.png is damaged: replace or remove it"
-
-
 def test_an_error_while_labelling_is_raised():
     class Failing(RootSift):
         def describe(self, image, keypoints):
