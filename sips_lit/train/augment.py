@@ -1,4 +1,8 @@
-"""Augmentation that keeps labels right: mirrors move every frame of a pair alike, photometric changes move nothing."""
+"""Augmentation that keeps labels right.
+
+Mirrors move every frame of a pair alike, photometric changes move nothing, and what turns and scales each image by itself
+is for pairs that a homography joins.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.geometry.mirror import flip_camera, flip_homography, flip_pose
+from sips_lit.train.augment_geometric import turn_and_scale_pair
 from sips_lit.types import FramePair, GreyImage, ViewGeometry
 
 
 @dataclass(frozen=True, slots=True)
 class Augmentation:
-    """Random mirrors of the whole pair, and photometric changes of what the detector sees of each image.
+    """Random mirrors of the whole pair, turns and scales of each planar image, photometric changes of each image.
 
     Trackers keep the clean frames, so a label says that the place is the same though it looks different. ``flip``:
     probability of each mirror; ``photometric``: probability that an image is changed; the rest are the largest changes:
     ``contrast`` and ``gamma`` as factors, ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as
-    standard deviation in pixels, ``shade`` as relative change of the light across the image.
+    standard deviation in pixels, ``shade`` as relative change of the light across the image, ``rotation`` in radians and
+    ``log2_scale`` as power of two (paper, HPatches training: 1 and 0.5).
     """
 
     flip: float = 0.5
@@ -31,10 +37,20 @@ class Augmentation:
     noise: float = 6.0
     blur: float = 1.2
     shade: float = 0.5
+    rotation: float = 0.0
+    log2_scale: float = 0.0
 
-    def __call__(self, pair: FramePair, generator: np.random.Generator) -> FramePair:
-        """Another pair; the same generator state gives the same one."""
+    def __call__(self, pair: FramePair, generator: np.random.Generator, planar: bool = False) -> FramePair:
+        """Another pair; the same generator state gives the same one.
+
+        ``planar``: the labels need the pair's homography and neither frames between nor depth. Only then, and only where
+        the pair has a homography and no other geometry, is each image turned and scaled by itself.
+        """
         pair = mirror_pair(pair, generator.random() < self.flip, generator.random() < self.flip)
+        if planar and (self.rotation or self.log2_scale) and pair.homography is not None and pair.geometry is None:
+            angle = generator.uniform(-self.rotation, self.rotation, 2)
+            scale = 2 ** generator.uniform(-self.log2_scale, self.log2_scale, 2)
+            pair = turn_and_scale_pair(pair, (angle[0], angle[1]), (scale[0], scale[1]))
         images = (
             self.change_light(image, generator) if generator.random() < self.photometric else image
             for image in (pair.image0, pair.image1)

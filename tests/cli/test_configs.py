@@ -6,7 +6,9 @@ import zipfile
 from pathlib import Path
 
 import cv2
+import hpatches_files
 import pytest
+import rgbd_files
 from cli_runs import ROOT
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
@@ -23,7 +25,7 @@ GROUPS = {
     "index": ["paths"],
 }
 EXTRAS = {"descriptor/surf": "mahotas"}
-DEMO = {"demo", "demo_val", "released"}
+DEMO = {"demo", "demo_val", "hpatches_flights", "released"}
 
 
 def names(group: str) -> list[str]:
@@ -84,6 +86,11 @@ def sources_of(name: str, tmp_path: Path) -> list[str]:
         return [f"data.path={write_sequence(tmp_path)}"]
     if name == "robotcar":
         return [f"data.path={write_run(tmp_path)}", "data.crop_bottom=20"]
+    if name == "hpatches":
+        hpatches_files.write_sequence(tmp_path)
+        return [f"data.path={tmp_path}"]
+    if name == "rgbd":
+        return [f"data.path={rgbd_files.write_simple(tmp_path / 'desk')}"]
     return []
 
 

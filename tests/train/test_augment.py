@@ -154,3 +154,32 @@ def test_sizes_of_the_changes():
     ]
     assert max(contrasts) == sharp.std()
     assert min(contrasts) < 0.6 * sharp.std()
+
+
+def test_turns_and_scales_only_of_planar_pairs():
+    augmentation = Augmentation(flip=0, photometric=0, rotation=1.0, log2_scale=0.5)
+    ends = read_pair(flight(6), 0, 5, between=False)
+    camera = Camera(np.eye(3), (160, 120))
+    for pair, planar in [
+        (ends, False),
+        (replace(ends, homography=None), True),
+        (replace(ends, geometry=ViewGeometry(np.eye(4), camera, camera, None, None)), True),
+    ]:
+        after = augmentation(pair, np.random.default_rng(0), planar)
+        assert after.image0 is pair.image0
+        assert after.homography is pair.homography
+    still = Augmentation(flip=0, photometric=0)(ends, np.random.default_rng(0), True)
+    assert still.image0 is ends.image0
+
+
+def test_how_far_it_turns_and_scales():
+    ends = read_pair(flight(6), 0, 5, between=False)
+    identity = replace(ends, homography=np.eye(3))
+    augmentation = Augmentation(flip=0, photometric=0, rotation=0.8, log2_scale=0.5)
+    made = [augmentation(identity, np.random.default_rng(i), True).homography for i in range(400)]
+    ratio = np.array([np.log2(np.linalg.det(H)) / 2 for H in made])  # of two scales, each from -0.5 to 0.5
+    angle = np.array([np.arctan2(H[1, 0], H[0, 0]) for H in made])
+    for drawn, most in ((ratio, 1.0), (angle, 1.6)):
+        assert 0.85 * most < np.abs(drawn).max() <= most
+        assert drawn.std() == pytest.approx(most / np.sqrt(6), rel=0.12)
+        assert abs(drawn.mean()) < 0.1 * most
