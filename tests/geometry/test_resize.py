@@ -29,7 +29,9 @@ def test_a_spot_is_found_where_the_resized_camera_says():
     small = resize_max_side(image, 50)
     moments = cv2.moments(small)
     found = moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]
-    np.testing.assert_allclose(resize_camera(spot, small.shape[::-1]).matrix[:2, 2], found, atol=0.05)  # grey values are whole; half a pixel forgotten: 0.3
+    np.testing.assert_allclose(
+        resize_camera(spot, small.shape[::-1]).matrix[:2, 2], found, atol=0.05
+    )  # grey values are whole; half a pixel forgotten: 0.3
 
 
 def test_the_same_size_changes_nothing():
