@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from sips_lit.cli.app import build, run
 from sips_lit.cli.contenders import make_contenders, parse_entries
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.benchmark import BenchmarkPairs, run_contenders
+from sips_lit.evaluate.benchmark_pictures import draw_benchmark_pictures
 from sips_lit.evaluate.benchmark_result import PairSetResult
 from sips_lit.evaluate.benchmark_table import protocol_line, table
 from sips_lit.evaluate.measure import Measures
@@ -39,36 +40,37 @@ class PairSet:
 
 
 def benchmark(config: DictConfig) -> float | None:
-    """Measures, prints a table a pair set, writes the report. Returns the best AUC on the first pair set."""
+    """Measures, prints a table a pair set, writes the report. Returns the best AUC on the first pair set, if there is one."""
     cv2.setNumThreads(-1)
-    entries = parse_entries(config.detectors)
-    measures = read_measures(config)
-    folder = Path(config.paths.run)
+    entries, measures = parse_entries(config.detectors), read_measures(config)
+    folder, cache = Path(config.paths.run), Path(config.features)
     skipped: dict[str, str] = {}
+    contenders = make_contenders(config, entries, _told(skipped))
+    results, pictures = [], {}
+    for pair_set in make_pair_sets(config, folder):
+        left_out = dict(skipped)
+        measured = run_contenders(
+            contenders, pair_set.pairs, measures, cache, config.workers, pair_set.title, _told(left_out)
+        )
+        protocol = {**pair_set.pairs.protocol, **pair_set.drawn}
+        results.append(PairSetResult(pair_set.key, pair_set.title, protocol, tuple(measured), left_out))
+        print(f"\n{pair_set.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1], measures)}")
+        if config.pictures:
+            drawn = draw_benchmark_pictures(measured, contenders, pair_set.pairs, measures, cache)
+            pictures |= {(pair_set.key, key): of_detector for key, of_detector in drawn.items()}
+    written = write_report(folder, results, pictures)
+    print("\nwrote:\n" + "\n".join(f"  {path}" for path in written))
+    return best_auc(results)
+
+
+def _told(skipped: dict[str, str]) -> Callable[[str, str], None]:
+    """Writes down what is left out and why, and says so at once."""
 
     def skip(key: str, reason: str) -> None:
         skipped[key] = reason
         print(f"skipped {key}: {reason}")
 
-    pair_sets = make_pair_sets(config, folder)
-    contenders = make_contenders(config, entries, skip)
-    results = []
-    for pair_set in pair_sets:
-        not_here = dict(skipped)
-
-        def skip_here(key: str, reason: str, of: dict[str, str] = not_here) -> None:
-            of[key] = reason
-            print(f"skipped {key}: {reason}")
-
-        measured = run_contenders(
-            contenders, pair_set.pairs, measures, Path(config.features), config.workers, pair_set.title, skip_here
-        )
-        protocol = {**pair_set.pairs.protocol, **pair_set.drawn}
-        results.append(PairSetResult(pair_set.key, pair_set.title, protocol, tuple(measured), not_here))
-        print(f"\n{pair_set.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1], measures)}")
-    written = write_report(folder, results, {})
-    print("\nwrote:\n" + "\n".join(f"  {path}" for path in written))
-    return best_auc(results)
+    return skip
 
 
 def best_auc(results: list[PairSetResult]) -> float | None:

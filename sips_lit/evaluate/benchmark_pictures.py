@@ -1,0 +1,44 @@
+"""Match pictures of what a benchmark measured, from the features that it kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from sips_lit.detect.detector import SipsDetector
+from sips_lit.evaluate.benchmark import BenchmarkPairs, points_to_extract
+from sips_lit.evaluate.benchmark_result import DetectorResult
+from sips_lit.evaluate.contender import Contender
+from sips_lit.evaluate.feature_cache import FeatureCache, image_key
+from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.report.pair_pictures import PairPicture, draw_pair_pictures
+from sips_lit.types import Features, FramePair, GreyImage, InlierCheck
+
+
+def draw_benchmark_pictures(
+    results: Sequence[DetectorResult],
+    contenders: Sequence[Contender],
+    pairs: BenchmarkPairs,
+    measures: Measures,
+    cache_folder: Path,
+) -> Mapping[str, Sequence[PairPicture]]:
+    """The best, the median and the worst pair of each contender that was measured, by its key."""
+    by_key = {contender.key: contender for contender in contenders}
+    return {result.key: _draw(result, by_key[result.key], pairs, measures, cache_folder) for result in results}
+
+
+def _draw(
+    result: DetectorResult, contender: Contender, pairs: BenchmarkPairs, measures: Measures, cache_folder: Path
+) -> Sequence[PairPicture]:
+    cache = FeatureCache(cache_folder, contender, points_to_extract(contender, measures))
+    detector = contender.detector
+
+    def features_of(image: GreyImage) -> Features:
+        return cache(image_key(image), lambda: image).features
+
+    def pair_of(at: int) -> tuple[FramePair, InlierCheck]:
+        return pairs.read(at, depth=False), pairs.check(at)
+
+    n = measures.budgets[0] if measures.budgets else measures.n_max
+    score_map = detector.score_map if isinstance(detector, SipsDetector) else None
+    return draw_pair_pictures(result, pair_of, features_of, n, score_map)
