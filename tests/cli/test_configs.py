@@ -10,9 +10,12 @@ import hpatches_files
 import pytest
 import rgbd_files
 from cli_runs import ROOT
+from euroc_files import make_euroc
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
+from kitti_files import make_kitti
 from omegaconf import OmegaConf
+from posed_depth_files import make_posed_depth
 from robotcar_files import write_run
 from textured_scenes import texture
 from tum_mono_files import write_sequence
@@ -91,6 +94,9 @@ def sources_of(name: str, tmp_path: Path) -> list[str]:
         return [f"data.path={tmp_path}"]
     if name == "rgbd":
         return [f"data.path={rgbd_files.write_simple(tmp_path / 'desk')}"]
+    makers = {"kitti": make_kitti, "euroc": make_euroc, "posed_depth": make_posed_depth}
+    if name in makers:
+        return [f"data.path={makers[name](tmp_path)}"]
     return []
 
 
