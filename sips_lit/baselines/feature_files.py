@@ -139,7 +139,7 @@ def _saved(held: Mapping[str, NDArray[Any]], where: str) -> SavedFeatures:
         raise BadInputError(
             f"{where} has no keypoints, only {', '.join(held) or 'nothing'}: give files of local features"
         )
-    count = len(xy) if xy.ndim == 2 and xy.shape[1] >= 2 else -1
+    count = len(xy) if xy.ndim == 2 and xy.shape[1] == 2 else -1
     rest = {key: np.asarray(held[key]) for key in ("scores", "scales", "descriptors") if key in held}
     dimensions = {"scores": 1, "scales": 1, "descriptors": 2}
     if count < 0 or any(v.ndim != dimensions[key] or len(v) != count for key, v in rest.items()):
@@ -150,7 +150,7 @@ def _saved(held: Mapping[str, NDArray[Any]], where: str) -> SavedFeatures:
         descriptors = descriptors.astype(np.float32)
     size = held.get("image_size")
     return SavedFeatures(
-        xy[:, :2].astype(np.float32),
+        xy.astype(np.float32),
         rest["scores"].astype(np.float32) if "scores" in rest else None,
         rest["scales"].astype(np.float32) if "scales" in rest else None,
         descriptors,

@@ -1,0 +1,48 @@
+"""Files of weights in the published layouts, with random numbers: what learned baselines need to run at all."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from sips_lit.baselines.superpoint_network import SuperPointNetwork
+
+NAMES = ("aliked", "disk", "xfeat", "keynet", "superpoint", "superpoint_rpautrat")
+
+
+def weights_file(name: str, folder: Path) -> Path:
+    """Writes the file of one baseline; skips where it takes kornia and that is missing."""
+    torch.manual_seed(0)
+    path = folder / f"{name}.pth"
+    torch.save(_held(name), path)
+    return path
+
+
+def _held(name: str) -> Mapping[str, object]:
+    if name.startswith("superpoint"):
+        rpautrat = name.endswith("rpautrat")
+        weights = SuperPointNetwork(rpautrat).state_dict()
+        return {rpautrat_name(key): value for key, value in weights.items()} if rpautrat else weights
+    kornia = pytest.importorskip("kornia.feature", reason="kornia is missing: pip install 'sips_lit[baselines]'")
+    if name == "aliked":
+        network = kornia.ALIKED("aliked-t16")
+        return {key: value for key, value in network.state_dict().items() if key != "dkd.hw_grid"}
+    if name == "disk":
+        return {"extractor": kornia.DISK().state_dict()}
+    if name == "keynet":
+        weights = kornia.KeyNet(pretrained=False).state_dict()
+        weights["last_conv.0.bias"] += 1  # its responses are cut at zero
+        return {"state_dict": weights}
+    weights: dict[str, Tensor] = kornia.XFeat().net.state_dict()
+    return weights
+
+
+def rpautrat_name(key: str) -> str:
+    """``conv3b.weight`` as rpautrat/SuperPoint calls it: ``backbone.2.1.conv.weight``."""
+    layer, parameter = key.split(".")
+    kind, stage, part = layer[:-2], layer[-2], "ab".index(layer[-1])
+    heads = {"P": "detector", "D": "descriptor"}
+    where = f"{heads[stage]}.{part}" if stage in heads else f"backbone.{int(stage) - 1}.{part}"
+    return f"{where}.{kind}.{parameter}"
