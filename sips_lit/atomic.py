@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import uuid
 from pathlib import Path
 
 from sips_lit.errors import BadInputError
@@ -21,7 +22,8 @@ def write_whole(path: Path, content: bytes) -> None:
 
     Raises BadInputError when it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    # no other process has this name, on another machine either, nor another thread
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
     try:
         with temporary.open("wb") as handle:
             handle.write(content)

@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import hydra
-from hydra.errors import InstantiationException
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import CompactHydraException, InstantiationException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationToMissingValueError, MissingMandatoryValue
 
@@ -29,7 +31,8 @@ _LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
 def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     """Runs a command: composes ``conf/<config_name>.yaml`` with the command line and calls ``task`` with it.
 
-    Bad input ends in one sentence on standard error and exit code 1, Ctrl-C in exit code 130.
+    Bad input ends in one sentence on standard error and exit code 1, Ctrl-C in exit code 130. A job of a multirun that
+    fails does not stop the others.
     """
     warnings.filterwarnings("ignore", module="lightning")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
@@ -50,10 +53,18 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
             if sentence is None:
                 raise
             print(f"error: {sentence}", file=sys.stderr)
-            sys.exit(INTERRUPTED if isinstance(error, TrainingInterrupted) else 1)
+            if isinstance(error, TrainingInterrupted):
+                sys.exit(INTERRUPTED)
+            if HydraConfig.get().mode == RunMode.MULTIRUN:
+                raise JobFailed(f"a job failed: {sentence}") from None  # an exit would end the jobs that are to come
+            sys.exit(1)
 
     command.__module__, command.__qualname__ = __name__, config_name
     hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+
+
+class JobFailed(CompactHydraException):
+    """What a job of a multirun ends with; Hydra prints the message, without a traceback, after the last job."""
 
 
 def build(node: DictConfig, **extra: Any) -> Any:

@@ -2,36 +2,85 @@
 
 from __future__ import annotations
 
+import time
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from tabulate import tabulate
 
 from sips_lit.cli.app import build, run
+from sips_lit.errors import BadInputError
+from sips_lit.frames.recordings import Recording, share
 from sips_lit.frames.source import as_sources
-from sips_lit.tracking.build import build_indexes
+from sips_lit.tracking.index_run import IndexedSequence, index_recordings
+from sips_lit.tracking.index_summary import ShareSummary
+
+SAVE_EVERY = 30.0  # seconds between two summaries of a run that goes on
+SHOWN = 40  # lines of a table that a terminal can show
+VIDEO = "sips_lit.frames.video.video"
 
 
 def index(config: DictConfig) -> None:
-    """Builds what is missing and prints one line a sequence."""
-    sequences = [sequence for source in as_sources(build(config.data)) for sequence in source.sequences]
-    indexes = build_indexes(sequences, config.paths.indexes, build(config.overlap_parameters), config.workers)
-    rows = []
-    for sequence, overlaps in zip(sequences, indexes, strict=True):
-        reach = overlaps.reach(config.overlap)
-        rows.append(
-            [sequence.name, len(sequence), int(overlaps.points.mean()), int(np.median(reach)), int(reach.sum())]
+    """Indexes a share of the data, prints one line a sequence and what failed.
+
+    Raises BadInputError at the end when a recording failed.
+    """
+    folder, shard = Path(config.paths.indexes).resolve(), str(config.shard)
+    mine = share(recordings(config.data), shard)
+    data = str(OmegaConf.to_container(config.data, resolve=True))
+    summary = ShareSummary(folder, data, shard, (recording.where for recording in mine))
+    saved = time.monotonic()
+    try:
+        for rows in index_recordings(
+            mine, folder, build(config.overlap_parameters), config.overlap, int(config.workers)
+        ):
+            summary.add(rows)
+            if time.monotonic() - saved > SAVE_EVERY:
+                summary.write()
+                saved = time.monotonic()
+    finally:
+        written = summary.write()
+    print(report(summary.rows, config.overlap))
+    print(f"\nindexes: {folder}\nsummary: {written}")
+    failed = [row for row in summary.rows if row.failed]
+    if failed:
+        raise BadInputError(
+            f"{len(failed)} of {len(mine)} recordings failed ({written} has them all), the first: {failed[0].problem}"
         )
-    headers = [
-        "sequence",
-        "frames",
-        "points a frame",
-        "median reach (frames)",
-        f"pairs of overlap >= {config.overlap:g}",
+
+
+def recordings(data: DictConfig) -> list[Recording]:
+    """The parts of a data set: videos as files, so that none is decoded before its turn; else sequences."""
+    if data.get("_target_") == VIDEO:
+        files = build(data, _target_=f"{VIDEO}_files")
+        return [Recording(str(video.file), video.shots) for video in files]
+    sequences = [sequence for source in as_sources(build(data)) for sequence in source.sequences]
+    path = data.get("path")
+    place = f"{Path(path).absolute()}:" if isinstance(path, str) else ""
+    return [Recording(f"{place}{sequence.name}", partial(list, [sequence])) for sequence in sequences]
+
+
+def report(rows: list[IndexedSequence], overlap: float) -> str:
+    """A table of the sequences if they are few, a line of totals if not, and the recordings that failed."""
+    indexed, failed = [row for row in rows if not row.failed], [row for row in rows if row.failed]
+    headers = ["sequence", "frames", "points a frame", "median reach (frames)", f"pairs of overlap >= {overlap:g}"]
+    bad = any(row.unreadable for row in indexed)
+    if bad:
+        headers.append("unreadable frames")
+    table = [
+        [row.sequence, row.frames, row.points, row.reach, row.pairs, *([row.unreadable] if bad else [])]
+        for row in indexed
     ]
-    print(tabulate(rows, headers=headers, tablefmt="pipe"))
-    print(f"\nindexes: {Path(config.paths.indexes).resolve()}")
+    if len(table) > SHOWN:
+        frames, unreadable = (sum(getattr(row, key) for row in indexed) for key in ("frames", "unreadable"))
+        text = f"{len(indexed)} sequences, {frames} frames ({unreadable} of them unreadable)"
+    else:
+        text = tabulate(table, headers=headers, tablefmt="pipe")
+    problems = [f"unreadable in {row.sequence}: {row.problem}" for row in indexed if row.unreadable]
+    problems += [f"failed: {row.recording}: {row.problem}" for row in failed]
+    hidden = [f"... and {len(problems) - SHOWN} more"] if len(problems) > SHOWN else []
+    return "\n".join([text, *([""] if problems else []), *problems[:SHOWN], *hidden])
 
 
 def main() -> None:

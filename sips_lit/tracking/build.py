@@ -31,7 +31,7 @@ def build_indexes(
     BadInputError when half of the frames of a sequence can't be read or an index can't be written.
     """
     folder = Path(folder)
-    ranges = [_range_of(sequence) for sequence in sequences]
+    ranges = [range_of(sequence) for sequence in sequences]
     wholes = {index_path(folder, whole): whole for whole, _, _ in ranges}
     indexes = {path: stored_index(whole, folder, parameters) for path, whole in wholes.items()}
     missing = [path for path, index in indexes.items() if index is None]
@@ -90,7 +90,7 @@ def _readable(sequence: ImageSequence, frame: int) -> bool:
     return True
 
 
-def _range_of(sequence: ImageSequence) -> tuple[ImageSequence, int, int]:
+def range_of(sequence: ImageSequence) -> tuple[ImageSequence, int, int]:
     """The sequence that frames are a range of, itself if of no other, and from where to where."""
     start, stop = 0, len(sequence)
     while isinstance(sequence, FrameRange):

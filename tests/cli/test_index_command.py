@@ -8,7 +8,7 @@ import sips_lit.tracking.build
 
 
 def files(folder: Path) -> dict[str, int]:
-    return {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
+    return {path.name: path.stat().st_mtime_ns for path in folder.glob("*.npz")}
 
 
 @pytest.fixture
@@ -71,5 +71,22 @@ def test_bad_input(command, tmp_path):
     assert command("index", "data=folder").sentence.startswith("data.path is not set")
     assert "there is no folder" in command("index", "data=folder", f"data.path={tmp_path}/gone").sentence
     folder = write_frames(tmp_path / "frames", flight(5).frames)
+    for name in ("000", "002", "003"):
+        (folder / f"{name}.png").write_bytes(b"\x89PNG nothing")
+    sentence = command("index", "data=folder", f"data.path={folder}").sentence
+    assert "1 of 1 recordings failed" in sentence
+    assert "half of the frames of frames can't be read; the first of them: " in sentence
+    assert f"{folder}/000.png is not an image" in sentence
+
+
+def test_an_unreadable_frame_is_told_and_is_no_failure(command, tmp_path):
+    folder = write_frames(tmp_path / "frames", flight(7, size=(96, 80)).frames)
     (folder / "002.png").write_bytes(b"\x89PNG nothing")
-    assert "002.png" in command("index", "data=folder", f"data.path={folder}").sentence
+    result = command("index", "data=folder", f"data.path={folder}")
+    assert result.code == 0, result.err
+    row = next(line for line in result.out.splitlines() if line.startswith("| frames"))
+    cells = [int(cell) for cell in row.strip("| ").split("|")[1:]]
+    assert (cells[0], cells[3], cells[4]) == (7, 1 + 6, 1)  # pairs of frames 0 and 1, and of 3 to 6
+    assert f"unreadable in frames: {folder}/002.png is not an image" in result.out
+    evaluation = command("evaluate", "detector=fast", "data=folder", f"data.path={folder}", "checkpoint=none")
+    assert f"an evaluation needs every frame, but {folder}/002.png is not" in evaluation.sentence
