@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import hpatches_files
+import numpy as np
 import pytest
 import rgbd_files
 from cli_runs import ROOT
@@ -16,6 +17,7 @@ from hydra.utils import instantiate
 from kitti_files import make_kitti
 from omegaconf import OmegaConf
 from posed_depth_files import make_posed_depth
+from random_weights import weights_file
 from robotcar_files import write_run
 from textured_scenes import texture
 from tum_mono_files import write_sequence
@@ -27,7 +29,8 @@ GROUPS = {
     "evaluate": ["detector", "descriptor", "inliers", "paths"],
     "index": ["paths"],
 }
-EXTRAS = {"descriptor/surf": "mahotas"}
+EXTRAS = {"descriptor/surf": "mahotas", "detector/surf": "mahotas"}
+LEARNED = {"aliked", "disk", "keynet", "superpoint", "xfeat"}
 DEMO = {"demo", "demo_val", "hpatches_flights", "released"}
 
 
@@ -59,7 +62,8 @@ def test_every_part_can_be_made(command, group, name, tmp_path, checkpoint):
         pytest.importorskip(extra, reason=f"{group}={name} needs an extra")
     paths = f"paths.run={tmp_path}/run", f"paths.data={tmp_path}/data"
     more = [f"checkpoint={checkpoint}"] if command == "evaluate" else []
-    config = composed(command, "data=folder", "data.path=x", *paths, *more, f"{group}={name}")
+    more += files_of(name, tmp_path) if group == "detector" else []
+    config = composed(command, "data=folder", "data.path=x", *paths, f"{group}={name}", *more)
     node = config[group]
     if "_target_" in node:
         made = build(node)
@@ -70,6 +74,17 @@ def test_every_part_can_be_made(command, group, name, tmp_path, checkpoint):
         made = [build(part) for part in node.values() if part is not None]
         assert made
         assert None not in made
+
+
+def files_of(name: str, tmp_path: Path) -> list[str]:
+    """Arguments that give a detector the files that it needs."""
+    if name in LEARNED:
+        return [f"detector.weights={weights_file(name, tmp_path)}"]
+    if name == "precomputed":
+        cv2.imwrite(str(tmp_path / "1.png"), texture(40, 50))
+        np.savez(tmp_path / "1.npz", keypoints=np.zeros((1, 2)))
+        return [f"detector.features={tmp_path}", f"data.path={tmp_path}"]
+    return []
 
 
 def sources_of(name: str, tmp_path: Path) -> list[str]:
