@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from sips_lit.evaluate.measure import Measures
 from sips_lit.evaluate.pair_choice import choose_pairs
 from sips_lit.evaluate.pair_file import write_pair_file
 from sips_lit.evaluate.report.files import write_report
+from sips_lit.evaluate.report.pair_pictures import PairPicture
 from sips_lit.evaluate.report.summary import summary
 from sips_lit.frames.folder import safe_name
 from sips_lit.frames.source import as_sources
@@ -40,13 +41,14 @@ class PairSet:
 
 
 def benchmark(config: DictConfig) -> float | None:
-    """Measures, prints a table a pair set, writes the report. Returns the best AUC on the first pair set, if there is one."""
+    """Measures, prints a table a pair set, writes the report. Returns the best AUC on the first pair set."""
     cv2.setNumThreads(-1)
     entries, measures = parse_entries(config.detectors), read_measures(config)
     folder, cache = Path(config.paths.run), Path(config.features)
     skipped: dict[str, str] = {}
     contenders = make_contenders(config, entries, _told(skipped))
-    results, pictures = [], {}
+    results: list[PairSetResult] = []
+    pictures: dict[tuple[str, str], Sequence[PairPicture]] = {}
     for pair_set in make_pair_sets(config, folder):
         left_out = dict(skipped)
         measured = run_contenders(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.match.mutual_nearest import MutualLifetimes
-from sips_lit.metrics.succinctness import binary_search, inliers_by_budget, points_needed
+from sips_lit.metrics.succinctness import inliers_by_budget, points_needed
 from sips_lit.types import Inliers, Matches
 
 
@@ -80,25 +80,38 @@ class ExactJudge:
 class SearchingJudge:
     """A verification for each budget that is asked for: ``judge(matches, repeat)``, with other samples in each repeat.
 
-    Each repeat sees the matches in another order, too. An answer is remembered: the searches for different k share it.
+    Each repeat sees the matches in another order, too. An answer is remembered by its matches.
     """
 
     lifetimes: MutualLifetimes
     judge: Callable[[Matches, int], Inliers]
     repeats: int
     seed: int = 0
-    _known: dict[tuple[int, int], Verdict] = field(default_factory=dict)
+    _known: dict[tuple[int, bytes, bytes], Verdict] = field(default_factory=dict)
 
     def at(self, n: int, repeat: int) -> Verdict:
         """As `Judge`."""
-        if (n, repeat) not in self._known:
-            ordered = self.lifetimes.at(n)
+        ordered = self.lifetimes.at(n)
+        key = (repeat, ordered.index0.tobytes(), ordered.index1.tobytes())
+        if key not in self._known:
             order = np.random.default_rng([self.seed, repeat, 1]).permutation(len(ordered))
             matches = Matches(ordered.index0[order], ordered.index1[order])
-            i = self.judge(matches, repeat)
-            self._known[n, repeat] = Verdict(matches, Inliers(i.inlier, i.reason, i.known0[:n], i.known1[:n]))
-        return self._known[n, repeat]
+            self._known[key] = Verdict(matches, self.judge(matches, repeat))
+        verdict, i = self._known[key], self._known[key].inliers
+        return Verdict(verdict.matches, Inliers(i.inlier, i.reason, i.known0[:n], i.known1[:n]))
 
     def needed(self, k: int, n_max: int, repeat: int) -> int | None:
-        """As `Judge`, by binary search."""
-        return binary_search(lambda n: self.at(n, repeat).count, k, n_max)
+        """As `Judge`, by the paper's binary search, with all the caveats of `binary_search`.
+
+        It halves 0 … n_max whatever k is, so that different k ask for the same budgets; below k none need be asked.
+        """
+        if self.at(n_max, repeat).count < k:
+            return None
+        low, high = 0, n_max  # high always has k inliers
+        while low < high:
+            middle = (low + high) // 2
+            if middle >= k and self.at(middle, repeat).count >= k:
+                high = middle
+            else:
+                low = middle + 1
+        return high
