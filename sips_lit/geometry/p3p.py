@@ -19,17 +19,19 @@ from sips_lit.types import FloatArray
 Doubles = NDArray[np.float64]
 _TINY: Final = 1e-12
 _POLISH: Final = 3
+_FITS: Final = 1e-8  # relative to the squared distances: what fits worse is no solution
 _FIRST: Final = [0, 0, 1]  # the pairs of points, in the order of all pairwise quantities below
 _SECOND: Final = [1, 2, 2]
 # Inside, the many triples are the last axis: numpy then works on long rows, several times faster than on many short ones.
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not finite in the end is left out
 def solve_p3p(points: FloatArray, rays: FloatArray) -> tuple[Doubles, NDArray[np.int64]]:
     """Every pose (P, 3, 4) ``[R | t]`` that moves three points (S, 3, 3) of a triple onto its three rays (S, 3, 3).
 
     ``points[s, i]`` is a point in the world and ``rays[s, i]`` its direction from the camera, of any length. The second
     answer (P,) tells of which triple each pose is: up to four each, none for degenerate triples (points on one line or
-    twice the same, rays that coincide).
+    twice the same, rays that all coincide).
     """
     X, f = (np.ascontiguousarray(np.asarray(a, np.float64).transpose(1, 2, 0)) for a in (points, rays))
     f /= np.sqrt((f * f).sum(1))[:, None]
@@ -42,9 +44,10 @@ def solve_p3p(points: FloatArray, rays: FloatArray) -> tuple[Doubles, NDArray[np
     unit = np.sqrt(sides.mean(0))
     squares = sides / unit**2
     distances, triple = _distances(squares, cosines)
-    distances = _polished(distances, squares[:, triple], cosines[:, triple]) * unit[triple]
-    poses = _poses(X[..., triple], f[..., triple] * distances[:, None])
-    good = (distances > 0).all(0) & np.isfinite(poses).all((0, 1))
+    distances = _polished(distances, squares[:, triple], cosines[:, triple])
+    fits = (np.abs(_misfit(distances, squares[:, triple], cosines[:, triple])) < _FITS * (distances**2).max(0)).all(0)
+    poses = _poses(X[..., triple], f[..., triple] * (distances * unit[triple])[:, None])
+    good = fits & (distances > 0).all(0) & np.isfinite(poses).all((0, 1))
     return np.ascontiguousarray(poses.transpose(2, 0, 1)[good]), regular[triple[good]]
 
 
@@ -70,8 +73,7 @@ def _distances(squares: Doubles, cosines: Doubles) -> tuple[Doubles, NDArray[np.
             triples.append(triple)
     triple, chosen = np.concatenate(triples), np.concatenate(found, 1)
     form = _form(chosen, M.sum(0)[..., triple], chosen)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.sqrt(squares.sum(0)[triple] / form) * np.where(chosen.sum(0) < 0, -1, 1)
+    scale = np.sqrt(squares.sum(0)[triple] / form) * np.where(chosen.sum(0) < 0, -1, 1)
     distances = chosen * scale
     ahead = np.isfinite(distances).all(0) & (distances > 0).all(0)
     return distances[:, ahead], triple[ahead]
@@ -89,22 +91,21 @@ def _cosine_forms(cosines: Doubles) -> Doubles:
 def _real_root(A: Doubles, B: Doubles) -> Doubles:
     """A real x (S,) with det(A + x B) = 0, of symmetric (3, 3, S)."""
     lead = _determinant(B)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        b = (_adjugate(B) * A).sum((0, 1)) / lead
-        c = (_adjugate(A) * B).sum((0, 1)) / lead
-        d = _determinant(A) / lead
-        # y^3 + 3 p y + 2 q = 0 with x = y - b / 3
-        p, q = (c - b * b / 3) / 3, (2 * b * b * b / 27 - b * c / 3 + d) / 2
-        discriminant = q * q + p * p * p
-        # one real root: the sum of two of equal sign; three: the largest of those
-        one = np.cbrt(-q - np.copysign(np.sqrt(np.maximum(discriminant, 0)), q))
-        radius = np.sqrt(np.maximum(-p, 0))
-        angle = np.arccos(np.clip(-q / np.maximum(-p * radius, 1e-300), -1, 1)) / 3
-        three = 2 * radius * np.cos(np.where(q <= 0, angle, angle + 2 * np.pi / 3))
-        x = np.where(discriminant > 0, one - p / np.where(one == 0, np.inf, one), three) - b / 3
-        for _ in range(2):
-            slope = (3 * x + 2 * b) * x + c
-            x = x - np.where(np.abs(slope) > _TINY, (((x + b) * x + c) * x + d) / slope, 0)
+    b = (_adjugate(B) * A).sum((0, 1)) / lead
+    c = (_adjugate(A) * B).sum((0, 1)) / lead
+    d = _determinant(A) / lead
+    # y^3 + 3 p y + 2 q = 0 with x = y - b / 3
+    p, q = (c - b * b / 3) / 3, (2 * b * b * b / 27 - b * c / 3 + d) / 2
+    discriminant = q * q + p * p * p
+    # one real root: the sum of two of equal sign; three: the largest of those
+    one = np.cbrt(-q - np.copysign(np.sqrt(np.maximum(discriminant, 0)), q))
+    radius = np.sqrt(np.maximum(-p, 0))
+    angle = np.arccos(np.clip(-q / np.maximum(-p * radius, 1e-300), -1, 1)) / 3
+    three = 2 * radius * np.cos(np.where(q <= 0, angle, angle + 2 * np.pi / 3))
+    x = np.where(discriminant > 0, one - p / np.where(one == 0, np.inf, one), three) - b / 3
+    for _ in range(2):
+        slope = (3 * x + 2 * b) * x + c
+        x = x - np.where(np.abs(slope) > _TINY, (((x + b) * x + c) * x + d) / slope, 0)
     return np.where(np.isfinite(x), x, 0)
 
 
@@ -115,8 +116,7 @@ def _lines(conic: Doubles) -> tuple[tuple[Doubles, Doubles], NDArray[np.bool_]]:
     diagonal = -np.stack([adjugate[0, 0], adjugate[1, 1], adjugate[2, 2]])
     column = diagonal.argmax(0)
     square = diagonal[column, each]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        meeting = np.where(square > 0, adjugate[:, column, each] / np.sqrt(square), 0)
+    meeting = np.where(square > 0, adjugate[:, column, each] / np.sqrt(square), 0)
     rank_one = conic + _cross_matrix(meeting)  # of the lines l and m: 2 l m'
     row, column = np.divmod(np.abs(rank_one).reshape(9, -1).argmax(0), 3)
     return (rank_one[row, :, each].T, rank_one[:, column, each]), square > 0
@@ -140,19 +140,24 @@ def _polished(distances: Doubles, squares: Doubles, cosines: Doubles) -> Doubles
     s = distances
     for _ in range(_POLISH):
         i, j = s[_FIRST], s[_SECOND]
-        r0, r1, r2 = (i * i + j * j - 2 * cosines * i * j - squares) / 2
+        r0, r1, r2 = _misfit(s, squares, cosines) / 2
         a, b, e = i - cosines * j  # half the derivatives: rows [a c 0], [b 0 d], [0 e g]
         c, d, g = j - cosines * i
-        with np.errstate(divide="ignore", invalid="ignore"):
-            change = np.stack(
-                [
-                    c * (d * r2 - r1 * g) - r0 * d * e,
-                    a * (g * r1 - d * r2) - b * g * r0,
-                    e * (b * r0 - a * r1) - b * c * r2,
-                ]
-            ) / (-a * d * e - b * c * g)
+        change = np.stack(
+            [
+                c * (d * r2 - r1 * g) - r0 * d * e,
+                a * (g * r1 - d * r2) - b * g * r0,
+                e * (b * r0 - a * r1) - b * c * r2,
+            ]
+        ) / (-a * d * e - b * c * g)
         s = s - np.where(np.abs(change) < 0.5 * s, change, 0)
     return s
+
+
+def _misfit(distances: Doubles, squares: Doubles, cosines: Doubles) -> Doubles:
+    """By how much the squared sides (3, P) differ from those that distances (3, P) from the camera give."""
+    i, j = distances[_FIRST], distances[_SECOND]
+    return i * i + j * j - 2 * cosines * i * j - squares
 
 
 def _poses(X: Doubles, Y: Doubles) -> Doubles:

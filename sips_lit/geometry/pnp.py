@@ -46,7 +46,7 @@ def p3p_ransac(
         return none
     best = poses[int(_inlier_counts(poses, X, xy, camera, threshold).argmax())]
     inlier = _agrees(best, X, xy, camera, threshold)
-    refined = _refined(best, X[inlier], xy[inlier], camera)
+    refined = _refined(best, X[inlier], rays[inlier], camera)
     agrees = _agrees(refined, X, xy, camera, threshold)
     if agrees.sum() >= inlier.sum():
         best, inlier = refined, agrees
@@ -103,11 +103,13 @@ def _agrees(
 
 
 def _refined(
-    pose: NDArray[np.float64], X: NDArray[np.float64], xy: NDArray[np.float64], camera: Camera
+    pose: NDArray[np.float64], X: NDArray[np.float64], rays: NDArray[np.float64], camera: Camera
 ) -> NDArray[np.float64]:
     if len(X) < 4:  # three points determine the pose: nothing to refine
         return pose
     undistorted: Any = None
-    K, start = np.asarray(camera.matrix, np.float64), cv2.Rodrigues(pose[:, :3])[0]
+    # OpenCV knows no skew: pixels of a camera without it, and with its principal point at 0
+    focal = np.array([camera.matrix[0, 0], camera.matrix[1, 1]], np.float64)
+    xy, K, start = rays[:, :2] * focal, np.diag([*focal, 1.0]), cv2.Rodrigues(pose[:, :3])[0]
     rotation, translation = cv2.solvePnPRefineLM(X, xy, K, undistorted, start, pose[:, 3:].copy())
     return np.column_stack([cv2.Rodrigues(rotation)[0], translation])

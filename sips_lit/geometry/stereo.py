@@ -19,6 +19,7 @@ _HALF: Final = _SPACING * (_SAMPLES - 1) // 2
 _FINE_HALF: Final = 4  # sub-pixel refinement sees all 9 x 9 pixels, unsmoothed
 _FINE_STEPS: Final = 3
 _FLAT: Final = 1.0  # grey values: a patch that varies less has nothing to match
+_NOISE: Final = 0.01  # no match is nearer to a perfect score than this: repeated texture is ambiguous
 _NEAR_PEAK: Final = 2  # pixels of disparity that belong to the same peak
 _CHUNK: Final = 256  # points at a time: their scores stay in the processor's cache
 
@@ -35,8 +36,8 @@ class StereoMatcher:
 
     max_disparity: int = 192
     min_disparity: float = 0.25
-    min_score: float = 0.5
-    max_ambiguity: float = 0.7
+    min_score: float = 0.7
+    max_ambiguity: float = 0.65
     max_roundtrip: float = 1.0
 
     @property
@@ -66,7 +67,8 @@ class StereoMatcher:
         self, pictures: tuple[Any, Any], smooth: tuple[Any, Any], xy: Floats, direction: int
     ) -> NDArray[np.float64]:
         there, score, second = _best(_scores(smooth[0], smooth[1], xy, direction, self.max_disparity))
-        at = np.flatnonzero((score >= self.min_score) & (1 - score <= self.max_ambiguity * (1 - second)))
+        distance = np.maximum(1 - score, _NOISE)
+        at = np.flatnonzero((score >= self.min_score) & (distance <= self.max_ambiguity * (1 - second)))
         moved = xy[at] + np.outer(there[at], [direction, 0]).astype(np.float32)
         back, _, _ = _best(_scores(smooth[1], smooth[0], moved, -direction, self.max_disparity))
         at = at[np.abs(back - there[at]) <= self.max_roundtrip]

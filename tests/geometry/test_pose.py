@@ -1,0 +1,38 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sips_lit.geometry.pose import rotation_error, translation_error
+
+
+def turned(vector: np.ndarray, translation: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:
+    T = np.eye(4)
+    T[:3, :3] = cv2.Rodrigues(np.asarray(vector, np.float64))[0]
+    T[:3, 3] = translation
+    return T
+
+
+@pytest.mark.parametrize("degrees", [0, 1e-6, 1e-3, 0.5, 45, 90, 179.999, 180])
+def test_the_angle_between_two_turns(degrees):
+    axis = np.array([2, -1, 2]) / 3
+    start = np.array([0.3, 1.1, -0.4])
+    turn = turned(np.radians(degrees) * axis)
+    assert rotation_error(turned(start) @ turn, turned(start)) == pytest.approx(degrees, rel=1e-9, abs=1e-9)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_symmetric_and_zero_only_for_equal_ones(seed):
+    generator = np.random.default_rng(seed)
+    a, b = (turned(generator.normal(size=3), tuple(generator.normal(size=3))) for _ in range(2))
+    assert rotation_error(a, b) == pytest.approx(rotation_error(b, a), abs=1e-9)
+    assert translation_error(a, b) == translation_error(b, a) > 0
+    assert rotation_error(a, a) < 1e-9
+    expected = np.degrees(np.linalg.norm(cv2.Rodrigues(a[:3, :3].T @ b[:3, :3])[0]))
+    assert rotation_error(a, b) == pytest.approx(expected, abs=1e-6)
+
+
+def test_translation_is_euclidean_and_does_not_see_turns():
+    assert translation_error(turned([0, 0, 1], (1, 2, 3)), turned([0, 1, 0], (1, 5, 7))) == 5
