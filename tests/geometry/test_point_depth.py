@@ -1,0 +1,65 @@
+import cv2
+import numpy as np
+from stereo_scenes import CAMERA, StereoScene
+from textured_scenes import ArraySequence
+
+from sips_lit.geometry.mirror import flip_camera
+from sips_lit.geometry.point_depth import View, views
+from sips_lit.geometry.projection import sample_depth
+from sips_lit.geometry.stereo import StereoMatcher
+from sips_lit.tracking.pairs import read_pair
+from sips_lit.train.augment import mirror_pair
+
+STEREO = StereoMatcher(max_disparity=64)
+SCENE = StereoScene(3)
+
+
+def corners(image: np.ndarray) -> np.ndarray:
+    return cv2.goodFeaturesToTrack(image, 200, 1e-3, 6).reshape(-1, 2)
+
+
+def test_stereo_gives_the_depth_of_both_images():
+    pair = read_pair(SCENE, 0, 2)
+    for view, index in zip(views(pair), (0, 2), strict=True):
+        xy = corners(SCENE.frames[index])
+        found, truth = view.depth_at(xy, STEREO), sample_depth(SCENE.depths[index], xy)
+        relative = np.abs(found / truth - 1)
+        assert view.has_depth
+        assert np.isfinite(found).mean() > 0.6
+        assert np.nanmedian(relative) < 0.01
+        assert (relative > 0.1).sum() < 0.06 * np.isfinite(found).sum()
+
+
+def test_a_depth_map_comes_first():
+    left, right = SCENE.frames[0], SCENE.rights[0]
+    flat = np.full(left.shape, 7, np.float32)
+    view = View(left, CAMERA, flat, right, 0.4)
+    assert view.depth_at(corners(left), STEREO).tolist() == [7.0] * len(corners(left))
+
+
+def test_a_mirrored_pair_keeps_its_depths():
+    pair = read_pair(SCENE, 0, 1)
+    turned = mirror_pair(pair, True, True)
+    xy = corners(SCENE.frames[0])
+    width, height = CAMERA.size
+    mirrored = [width - 1, height - 1] - xy
+    straight, back = views(pair)[0].depth_at(xy, STEREO), views(turned)[0].depth_at(mirrored, STEREO)
+    assert turned.geometry.baseline < 0
+    np.testing.assert_array_equal(turned.geometry.camera0.matrix, flip_camera(CAMERA, True, True).matrix)
+    # the smallest numerical difference can tip a decision, so not all points are the same
+    same = np.isclose(back, straight, rtol=1e-3) | (np.isnan(back) & np.isnan(straight))
+    assert same.mean() > 0.98
+
+
+def test_augmented_images_are_not_what_depth_is_measured_in():
+    pair = read_pair(SCENE, 0, 1)
+    dark = type(pair)(**{**{f: getattr(pair, f) for f in pair.__slots__}, "image0": pair.image0 // 50})
+    xy = corners(SCENE.frames[0])
+    np.testing.assert_array_equal(views(dark)[0].depth_at(xy, STEREO), views(pair)[0].depth_at(xy, STEREO))
+
+
+def test_without_anything_that_tells_depth():
+    view = View(SCENE.frames[0], CAMERA, None, SCENE.rights[0], None)
+    assert not view.has_depth
+    assert np.isnan(view.depth_at(np.array([[50, 60], [70, 80]]), STEREO)).tolist() == [True, True]
+    assert views(read_pair(ArraySequence(SCENE.frames), 0, 1)) is None

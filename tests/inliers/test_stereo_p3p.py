@@ -1,0 +1,195 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from stereo_scenes import CAMERA, StereoScene
+from textured_scenes import keypoints
+
+from sips_lit.errors import BadInputError
+from sips_lit.evaluate.verification import search_points_needed, verify
+from sips_lit.geometry.pose import rotation_error, translation_error
+from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.inliers.stereo_p3p import StereoP3PInliers
+from sips_lit.tracking.pairs import read_pair
+from sips_lit.train.augment import mirror_pair
+from sips_lit.types import Features, FramePair, Keypoints, Matches, PreparableCheck, Reason
+
+SCENES = {tells: StereoScene(3, tells) for tells in ("stereo", "depth")}
+CHECK = StereoP3PInliers(iterations=500)
+
+
+def true_points(seed: int = 0, wrong: float = 0.4) -> tuple[Keypoints, Keypoints, Matches, np.ndarray]:
+    """Points that both frames 0 and 2 show, in a random order, a part of them matched wrongly; which are right."""
+    scene, generator = SCENES["depth"], np.random.default_rng(seed)
+    xy = cv2.goodFeaturesToTrack(scene.frames[0], 150, 1e-3, 6).reshape(-1, 2)
+    depth = sample_depth(scene.depths[0], xy)
+    T_1_0 = np.linalg.inv(scene.poses[2]) @ scene.poses[0]
+    moved, depth_there = transfer(xy, depth, CAMERA, CAMERA, T_1_0)
+    inside = ((moved > 5) & (moved < np.array(CAMERA.size) - 6)).all(1)
+    seen = inside & np.isclose(sample_depth(scene.depths[2], moved), depth_there, rtol=0.02)
+    xy, moved = xy[seen], moved[seen]
+    right = generator.random(len(xy)) >= wrong
+    moved[~right] = generator.uniform([5, 5], np.array(CAMERA.size) - 6, (int((~right).sum()), 2))
+    order = generator.permutation(len(xy))
+    shuffled = np.empty_like(moved)
+    shuffled[order] = moved
+    return keypoints(xy), keypoints(shuffled), Matches(np.arange(len(xy)), order), right
+
+
+@pytest.mark.parametrize("tells", ["stereo", "depth"])
+@pytest.mark.parametrize("seed", range(2))
+def test_right_matches_are_inliers(tells, seed):
+    points0, points1, matches, right = true_points(seed)
+    inliers = CHECK(read_pair(SCENES[tells], 0, 2), points0, points1, matches)
+    judged = inliers.reason != Reason.UNKNOWN
+    assert judged.mean() > 0.8
+    assert inliers.inlier[judged & right].mean() > 0.9
+    assert inliers.inlier[~right].mean() < 0.05
+    assert set(inliers.reason[judged]) <= {Reason.INLIER, Reason.FAR}
+    np.testing.assert_array_equal(inliers.inlier, inliers.reason == Reason.INLIER)
+    assert inliers.known0[matches.index0[judged]].all()
+    assert inliers.known1[matches.index1[judged]].all()
+
+
+@pytest.mark.parametrize("tells", ["stereo", "depth"])
+def test_the_pose_is_found_without_knowing_any(tells):
+    pair = read_pair(SCENES[tells], 0, 2)
+    truth = pair.geometry.T_1_0
+    unposed = replace(pair, geometry=replace(pair.geometry, T_1_0=None))
+    points0, points1, matches, right = true_points()
+    found = CHECK.prepare(unposed, points0, points1).estimate(matches)
+    assert translation_error(found.T_1_0, truth) < 0.05
+    assert rotation_error(found.T_1_0, truth) < 0.3
+    assert found.inlier[~right].mean() < 0.05
+
+
+def test_depth_of_one_image_suffices():
+    pair = read_pair(SCENES["depth"], 0, 2)
+    points0, points1, matches, right = true_points()
+    truth = pair.geometry.T_1_0
+    for lacking in ("depth0", "depth1"):
+        half = replace(pair, geometry=replace(pair.geometry, **{lacking: None}))
+        inliers = CHECK(half, points0, points1, matches)
+        assert inliers.inlier[right].mean() > 0.9
+        assert inliers.known0.all()
+        assert inliers.known1.all()
+        found = CHECK.prepare(half, points0, points1).estimate(matches)
+        assert translation_error(found.T_1_0, truth) < 0.05
+        assert found.inlier[right].mean() > 0.9
+
+
+def test_both_ways_must_agree():
+    """A match that only one way's pose explains: the other image's depth at its point is wrong."""
+    pair = read_pair(SCENES["depth"], 0, 2)
+    points0, points1, matches, right = true_points()
+    motion = np.linalg.norm(points1.xy[matches.index1] - points0.xy, axis=1)
+    spoilt = int(np.where(right, motion, 0).argmax())  # near the epipole depth would not matter
+    for image, points, index in ((0, points0, matches.index0), (1, points1, matches.index1)):
+        name = f"depth{image}"
+        depth = getattr(pair.geometry, name).copy()
+        x, y = np.round(points.xy[index[spoilt]]).astype(int)
+        depth[y, x] *= 0.3
+        inliers = CHECK(replace(pair, geometry=replace(pair.geometry, **{name: depth})), points0, points1, matches)
+        assert inliers.reason[spoilt] == Reason.FAR
+        assert inliers.inlier[right].mean() > 0.9
+
+
+def test_matches_without_any_depth_are_ignored():
+    pair = read_pair(SCENES["depth"], 0, 2)
+    points0, points1, matches, _ = true_points()
+    holes = [np.array(depth) for depth in (pair.geometry.depth0, pair.geometry.depth1)]
+    x, y = np.round(points0.xy[7]).astype(int)
+    holes[0][y, x] = np.nan
+    x, y = np.round(points1.xy[matches.index1[7]]).astype(int)
+    holes[1][y, x] = np.nan
+    holed = replace(pair, geometry=replace(pair.geometry, depth0=holes[0], depth1=holes[1]))
+    inliers = CHECK(holed, points0, points1, matches)
+    assert inliers.reason[7] == Reason.UNKNOWN
+    assert not inliers.known0[7]
+    assert not inliers.known1[matches.index1[7]]
+    assert inliers.known0.sum() == len(points0) - 1
+
+
+def test_a_mirror_changes_little():
+    pair = read_pair(SCENES["stereo"], 0, 2)
+    points0, points1, matches, right = true_points()
+    size = np.array(CAMERA.size)
+    turned = [keypoints((size - 1 - p.xy) * [1, 0] + p.xy * [0, 1], p.score) for p in (points0, points1)]
+    inliers = CHECK(mirror_pair(pair, True, False), *turned, matches)
+    judged = inliers.reason != Reason.UNKNOWN
+    assert inliers.inlier[judged & right].mean() > 0.9
+    assert inliers.inlier[~right].mean() < 0.05
+
+
+def test_the_same_call_gives_the_same_answer_and_another_seed_other_samples():
+    pair = read_pair(SCENES["stereo"], 0, 2)
+    points0, points1, matches, _ = true_points(wrong=0.7)
+    few = replace(CHECK, iterations=4)
+    prepared = few.prepare(pair, points0, points1)
+    for again in (prepared(matches), few(pair, points0, points1, matches)):
+        np.testing.assert_array_equal(again.reason, prepared(matches).reason)
+    counts = {few.with_seed(seed)(pair, points0, points1, matches).inlier.sum() for seed in range(6)}
+    assert len(counts) > 1
+    assert few.with_seed(3) == replace(few, seed=3)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_too_few_matches_have_no_inliers(count):
+    pair = read_pair(SCENES["stereo"], 0, 2)
+    points0, points1, matches, _ = true_points()
+    few = Matches(matches.index0[:count], matches.index1[:count])
+    prepared = CHECK.prepare(pair, points0, points1)
+    inliers = prepared(few)
+    assert inliers.inlier.tolist() == [False] * count
+    assert set(inliers.reason) <= {Reason.FAR, Reason.UNKNOWN}
+    assert prepared.estimate(few).T_1_0 is None
+
+
+def test_no_points():
+    none = np.zeros(0, np.int64)
+    pair = read_pair(SCENES["stereo"], 0, 2)
+    inliers = CHECK(pair, Keypoints.empty(), Keypoints.empty(), Matches(none, none))
+    assert len(inliers.inlier) == len(inliers.known0) == len(inliers.known1) == 0
+
+
+@pytest.mark.parametrize("without", ["geometry", "depth", "baseline"])
+def test_a_pair_without_depth_is_refused(without):
+    pair = read_pair(SCENES["stereo"], 0, 1)
+    lacking = {
+        "geometry": None,
+        "depth": replace(pair.geometry, right0=None, right1=None),
+        "baseline": replace(pair.geometry, baseline=None),
+    }[without]
+    points0, points1, matches, _ = true_points()
+    with pytest.raises(BadInputError, match=r"boards:0-1 has no depth maps and no stereo .* inliers=stereo_p3p needs"):
+        CHECK(replace(pair, geometry=lacking), points0, points1, matches)
+
+
+def test_the_search_for_n_k_prepares_once(monkeypatch):
+    points0, points1, matches, right = true_points(wrong=0.2)
+    descriptors = np.random.default_rng(0).normal(size=(len(points0), 8)).astype(np.float32)
+    other = np.empty_like(descriptors)
+    other[matches.index1] = descriptors
+    features = Features(points0, descriptors, "l2"), Features(points1, other, "l2")
+    pair, calls = read_pair(SCENES["stereo"], 0, 2), []
+    prepare = StereoP3PInliers.prepare
+    monkeypatch.setattr(StereoP3PInliers, "prepare", lambda *args: calls.append(1) or prepare(*args))
+    found = search_points_needed(pair, *features, CHECK, 10, len(points0), "binary")
+    assert found is not None
+    assert 10 <= found < len(points0)
+    assert len(calls) == 1
+    assert right.sum() > 10
+    with pytest.raises(BadInputError, match="search=binary"):
+        verify(pair, *features, CHECK)
+
+
+def test_protocol():
+    protocol = dict(StereoP3PInliers().protocol)
+    assert protocol.pop("stereo")["max_roundtrip"] == 1.0
+    assert protocol == {"inliers": "stereo_p3p", "threshold": 3.0, "iterations": 3000, "seed": 0}
+    assert isinstance(CHECK, PreparableCheck)
+    assert not CHECK.independent
+    assert CHECK.uses_depth
+    assert not CHECK.uses_frames
+    assert isinstance(read_pair(SCENES["stereo"], 0, 1), FramePair)
