@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError
 from sips_lit.frames.asl import LAYOUT, Shots, nearest, read_sensor, read_shots, read_states
 from sips_lit.frames.folder import safe_name
+from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.images import read_grey, resize_max_side, shrunk_size
 from sips_lit.frames.layout import check_max_side, files_fingerprint, wrong_layout
 from sips_lit.geometry.rectify import Rectifier, rectify_mono, rectify_stereo
@@ -24,11 +25,19 @@ class EurocSequence(ImageSequence):
     """The images of cam0 of one sequence (``mav0`` is its folder), with those of cam1 as right images.
 
     Rectified: images, camera and poses are of the pinhole camera that replaces cam0. Otherwise the images are as they are
-    stored, poses are of cam0, and there is neither camera nor right image: a `Camera` has no lens distortion. Raises
-    BadInputError when something is missing or does not fit.
+    stored, poses are of cam0, and there is neither camera nor right image: a `Camera` has no lens distortion. Rectified
+    images are kept in ``cache_dir``, if given. Raises BadInputError when something is missing or does not fit.
     """
 
-    def __init__(self, mav0: Path, name: str, rectify: bool, tolerance: float, max_side: int | None) -> None:
+    def __init__(
+        self,
+        mav0: Path,
+        name: str,
+        rectify: bool,
+        tolerance: float,
+        max_side: int | None,
+        cache_dir: str | Path | None = None,
+    ) -> None:
         self.name, self.max_side, self._shots = safe_name(name), max_side, read_shots(mav0 / "cam0")
         lens, T_body_camera = read_sensor(mav0 / "cam0" / "sensor.yaml")
         self.size = lens.size  # as stored
@@ -56,13 +65,15 @@ class EurocSequence(ImageSequence):
             files.append(truth)
             self._poses = self._poses_from(truth, T_body_camera, tolerance)
         self.fingerprint = files_fingerprint(files, "euroc 1", rectify, tolerance, max_side)
+        self._kept = image_cache(cache_dir if rectify else None, self.name, self.fingerprint)
 
     def __len__(self) -> int:
         return len(self._shots.files)
 
     def frame(self, index: int) -> GreyImage:
         """Image ``index`` of cam0. Raises BadInputError when it can't be read or its size is not that of sensor.yaml."""
-        return self._read(self._shots.files[index], self._rectifier)
+        file = self._shots.files[index]
+        return self._kept(f"cam0_{file.stem}", lambda: self._read(file, self._rectifier))
 
     def frame_name(self, index: int) -> str:
         """The sequence's name and the file's, which is its time."""
@@ -82,7 +93,8 @@ class EurocSequence(ImageSequence):
         """Image of cam1; None if not rectified, without cam1, or where it has none near that time."""
         if self._right is None or self._partner[index] < 0:
             return None
-        return self._read(self._right.files[self._partner[index]], self._right_rectifier)
+        file = self._right.files[self._partner[index]]
+        return self._kept(f"cam1_{file.stem}", lambda: self._read(file, self._right_rectifier))
 
     def baseline(self) -> float | None:
         """Metres from cam0 to cam1; None if there are no right images."""
@@ -124,19 +136,23 @@ class EurocSequence(ImageSequence):
 
 
 def euroc(
-    path: str | Path, rectify: bool = True, tolerance: float = 0.005, max_side: int | None = None
+    path: str | Path,
+    rectify: bool = True,
+    tolerance: float = 0.005,
+    max_side: int | None = None,
+    cache_dir: str | Path | None = None,
 ) -> list[ImageSequence]:
     """Sequences of EuRoC: ``path`` is a folder with ``mav0``, ``mav0`` itself, or a folder of such folders.
 
     ``rectify``: pinhole images with aligned rows; ``tolerance``: how far apart an image, its right partner and its pose may
-    be (seconds); ``max_side``: shrink images whose longer side exceeds it (pixels), with their camera. Raises BadInputError
-    when what is there is not whole, or the truth is of another time.
+    be (seconds); ``max_side``: shrink images whose longer side exceeds it (pixels), with their camera; ``cache_dir`` keeps
+    what was rectified. Raises BadInputError when what is there is not whole, or the truth is of another time.
     """
     check_max_side(max_side)
     if not tolerance >= 0:
         raise BadInputError(f"data.tolerance is {tolerance:g}: it must be at least 0 seconds")
     return [
-        EurocSequence(mav0, name, rectify, tolerance, max_side)
+        EurocSequence(mav0, name, rectify, tolerance, max_side, cache_dir)
         for name, mav0 in _sequence_folders(Path(path).resolve()).items()
     ]
 

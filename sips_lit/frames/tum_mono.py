@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError
 from sips_lit.frames.camera_file import read_fov_camera, read_rectified_camera
 from sips_lit.frames.folder import FolderSequence, safe_name
+from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.images import list_images, resize_max_side, shrunk_size
 from sips_lit.frames.layout import check_max_side, describe_place, expect, files_fingerprint, read_rows, to_numbers
 from sips_lit.frames.photometric import PhotometricCorrection, read_inverse_response, read_vignette
@@ -35,12 +36,18 @@ class MonoSequence(ImageSequence):
 
     ``photometric``: undo the camera's response and vignette (``pcalib.txt``, ``vignette.png``); exposure times stay.
     ``geometric``: rectify to the pinhole camera of ``camera.txt``; without it there is no camera, since that of the images
-    is not a pinhole. ``max_side``: shrink images whose longer side exceeds it (pixels), with their camera. Raises
-    BadInputError when something that is needed is missing or does not fit.
+    is not a pinhole. ``max_side``: shrink images whose longer side exceeds it (pixels), with their camera. What was
+    corrected is kept in ``cache_dir``, if given. Raises BadInputError when something that is needed is missing or does
+    not fit.
     """
 
     def __init__(
-        self, folder: Path, photometric: bool = False, geometric: bool = False, max_side: int | None = None
+        self,
+        folder: Path,
+        photometric: bool = False,
+        geometric: bool = False,
+        max_side: int | None = None,
+        cache_dir: str | Path | None = None,
     ) -> None:
         self.folder, self.max_side = folder, max_side
         self.name = safe_name(f"tum_mono_{folder.name}")
@@ -60,12 +67,16 @@ class MonoSequence(ImageSequence):
             read_vignette(self._vignette, self._lens.size)  # a bad one is told now; its table is made when it is needed
         options = (photometric, geometric, max_side)
         self.fingerprint = files_fingerprint(files, "tum_mono 1", self._images.fingerprint, *options)
+        self._kept = image_cache(cache_dir if photometric or geometric else None, self.name, self.fingerprint)
 
     def __len__(self) -> int:
         return len(self._images)
 
     def frame(self, index: int) -> GreyImage:
         """Frame ``index``, corrected as asked. Raises BadInputError when it can't be read or is not of the right size."""
+        return self._kept(self._images.frame_name(index), lambda: self._corrected(index))
+
+    def _corrected(self, index: int) -> GreyImage:
         image = self._images.frame(index)
         if self._lens is not None and image.shape != self._lens.size[::-1]:
             raise BadInputError(
@@ -113,6 +124,7 @@ def tum_mono(
     geometric: bool = False,
     split: str | None = None,
     max_side: int | None = None,
+    cache_dir: str | Path | None = None,
 ) -> list[ImageSequence]:
     """The sequences of a folder with ``sequence_01``, ..., or the one sequence that ``path`` is. See `MonoSequence`.
 
@@ -128,7 +140,7 @@ def tum_mono(
             f"data.split={split} needs {_listed(missing) or 'sequences, but names none'}, and {path} has {_listed(there)}: "
             "download what is missing, or set data.split=null for what is there"
         )
-    return [MonoSequence(there[name], photometric, geometric, max_side) for name in wanted]
+    return [MonoSequence(there[name], photometric, geometric, max_side, cache_dir) for name in wanted]
 
 
 def read_times(file: Path, count: int) -> NDArray[np.float64]:
