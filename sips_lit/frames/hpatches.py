@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.atomic import make_folder, write_whole
 from sips_lit.errors import BadInputError
 from sips_lit.frames.folder import safe_name
+from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.image_size import image_size
 from sips_lit.frames.images import read_grey, shrunk_size
 from sips_lit.frames.layout import check_max_side, expect, files_fingerprint, read_table, wrong_layout
@@ -67,7 +67,7 @@ class HPatchesSequence(ImageSequence):
         files = [_image(folder, number) for number in IMAGES]
         homographies = [expect(folder / f"H_1_{number}", LAYOUT) for number in IMAGES[1:]]
         self.fingerprint = files_fingerprint([*files, *homographies], max_side, tuple(synthetic_scales))
-        self.cache = None if cache_dir is None else Path(cache_dir) / f"{self.name}-{self.fingerprint[:8]}"
+        self._kept = image_cache(cache_dir, self.name, self.fingerprint)
         stored = [image_size(file) for file in files]
         planes = [np.eye(3)] + [
             _read_homography(file, stored[0], size) for file, size in zip(homographies, stored[1:], strict=True)
@@ -84,19 +84,7 @@ class HPatchesSequence(ImageSequence):
     def frame(self, index: int) -> GreyImage:
         """View ``index``. Raises BadInputError when it can't be read."""
         view = self.views[index]
-        if view.size == view.stored:
-            return read_grey(view.file)
-        cached = None if self.cache is None else self.cache / f"{view.name}.pgm"
-        if cached is not None and cached.is_file():
-            return read_grey(cached)
-        shrinks = max(view.size) < max(view.stored)
-        image = cv2.resize(
-            read_grey(view.file), view.size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
-        )
-        if cached is not None:
-            make_folder(cached.parent)
-            write_whole(cached, cv2.imencode(".pgm", image)[1].tobytes())
-        return np.asarray(image, np.uint8)
+        return read_grey(view.file) if view.size == view.stored else self._kept(view.name, lambda: _resized(view))
 
     def frame_name(self, index: int) -> str:
         """Such as v_churchill_1, and v_churchill_1_x0.5 for a copy."""
@@ -106,6 +94,11 @@ class HPatchesSequence(ImageSequence):
         """(3, 3) float64 from pixels of one view to pixels of another."""
         H: NDArray[np.float64] = self.views[index1].from_first @ np.linalg.inv(self.views[index0].from_first)
         return H
+
+
+def _resized(view: View) -> GreyImage:
+    method = cv2.INTER_AREA if max(view.size) < max(view.stored) else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(read_grey(view.file), view.size, interpolation=method), np.uint8)
 
 
 def hpatches(
