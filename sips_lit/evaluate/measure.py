@@ -65,6 +65,8 @@ class Measures:
             raise BadInputError(
                 f"budgets is {list(self.budgets)}: give different numbers from 1 to n_max = {self.n_max}"
             )
+        if not all(n >= 1 for n in self.calibration):
+            raise BadInputError(f"calibration is {list(self.calibration)}: give numbers of points from 1")
         for name in ("repeats", "iterations", "cells"):
             if getattr(self, name) < 1:
                 raise BadInputError(f"{name} is {getattr(self, name)}: give at least 1")

@@ -1,0 +1,129 @@
+"""Every number of a pair, counted by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from textured_scenes import keypoints
+
+from sips_lit.errors import BadInputError
+from sips_lit.evaluate.judge import Verdict
+from sips_lit.evaluate.measure import Measures, measure
+from sips_lit.types import Features, FramePair, Inliers, Matches, Reason
+
+IMAGE = np.zeros((80, 160), np.uint8)  # cells of the 8 x 8 grid are 20 x 10 pixels
+SHIFT = np.array([[1.0, 0, 10], [0, 1, 0], [0, 0, 1]])
+PAIR = FramePair("p", 0, 1, (IMAGE, IMAGE), IMAGE, IMAGE, SHIFT)
+
+
+def features(xy, score=None) -> Features:
+    points = keypoints(xy, score)
+    return Features(points, np.zeros((len(points), 1), np.float32), "l2")
+
+
+# image 1 shows everything 10 px further right; its third point is 5 px off, the last has nothing in image 0
+POINTS0 = features([[5, 5], [45, 5], [45, 25], [155, 75]], [0.9, 0.8, 0.6, 0.1])
+POINTS1 = features([[15, 5], [55, 6], [60, 25], [100, 70]], [0.9, 0.7, 0.5, 0.2])
+
+
+class Known:
+    """The best n points of both images are matched in order; the first two matches are inliers."""
+
+    repeats = 2
+
+    def __init__(self, needed) -> None:
+        self.answers = needed
+
+    def at(self, n, repeat):
+        index = np.arange(min(n, 4))
+        reason = np.where(index < 2 - repeat, Reason.INLIER, Reason.FAR).astype(np.uint8)
+        known = np.ones(4, bool)[:n]
+        return Verdict(Matches(index, index), Inliers(reason == Reason.INLIER, reason, known, known))
+
+    def needed(self, k, n_max, repeat):
+        return self.answers.get((k, repeat))
+
+
+class Pose:
+    """The error is the number of matches."""
+
+    def errors(self, matches, repeat, least=0):
+        return (math.inf, math.inf) if least > 2 else (float(len(matches)), 10.0 * len(matches) + repeat)
+
+
+def of(judge, pose=None, probabilities=False, pair=PAIR, **options):
+    m = Measures(ks=(1, 2), n_max=10, budgets=(3, 4), repeats=2, calibration=(2, 4), pose_inliers=2, **options)
+    return measure(pair, POINTS0, POINTS1, judge, pose, m, probabilities)
+
+
+JUDGE = Known({(1, 0): 1, (2, 0): 3, (1, 1): 2})
+
+
+def test_points_needed():
+    np.testing.assert_array_equal(of(JUDGE).n_k, [[1, 3], [2, math.inf]])
+
+
+def test_poses_at_n_k():
+    measured = of(JUDGE, Pose())
+    np.testing.assert_array_equal(measured.rotation_error, [[1, 3], [2, math.inf]])
+    np.testing.assert_array_equal(measured.translation_error, [[10, 30], [21, math.inf]])
+    nobody_knows = of(JUDGE, None)
+    assert np.isnan(nobody_knows.rotation_error).all()
+    assert np.isnan(nobody_knows.budgets[3].translation_error).all()
+
+
+def test_at_a_budget():
+    at = of(JUDGE, Pose()).budgets[4]
+    assert at.matches == 4
+    assert at.inliers.tolist() == [2, 1]
+    assert at.rotation_error.tolist() == [4, 4]
+    assert at.translation_error.tolist() == [40, 41]
+    # (155, 75) leaves the view: three points of image 0 against four of image 1; two are found again and matched
+    assert at.repeated.repeatability == at.repeated.matching_score == pytest.approx(2 / 3)
+    # inliers at (5, 5) and (45, 5): cells 0 and 2 of the first row
+    assert at.spread == 2 / 64
+    assert of(JUDGE, Pose(), cells=2).budgets[4].spread == 1 / 4
+    assert of(JUDGE, Pose(), threshold=5.0).budgets[4].repeated.matching_score == 1
+
+
+def test_a_pose_needs_inliers_at_a_budget():
+    m = Measures(ks=(1,), n_max=10, budgets=(4,), repeats=2, pose_inliers=3)
+    measured = measure(PAIR, POINTS0, POINTS1, JUDGE, Pose(), m, False)
+    assert np.isinf(measured.budgets[4].rotation_error).all()
+    np.testing.assert_array_equal(measured.rotation_error, [[1], [2]])
+
+
+def test_without_truth_nothing_can_be_repeated():
+    pair = FramePair("p", 0, 1, (IMAGE, IMAGE), IMAGE, IMAGE)
+    repeated = of(JUDGE, pair=pair).budgets[4].repeated
+    assert math.isnan(repeated.repeatability)
+    assert math.isnan(repeated.matching_score)
+
+
+def test_outcomes_of_probabilities():
+    assert not of(JUDGE).outcomes
+    outcomes = of(JUDGE, probabilities=True).outcomes
+    scores, inlier = outcomes[4]
+    np.testing.assert_allclose(scores, [0.9, 0.8, 0.6, 0.1, 0.9, 0.7, 0.5, 0.2])
+    assert inlier.tolist() == [True, True, False, False] * 2
+    assert outcomes[2][1].tolist() == [True] * 4
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"ks": (200,)}, "ks is .200. and n_max is 200"),
+        ({"ks": ()}, "ks is"),
+        ({"ks": (5, 5)}, "different numbers"),
+        ({"ks": (0,)}, "from 1"),
+        ({"budgets": (300,)}, "budgets is .300."),
+        ({"budgets": (0,)}, "budgets"),
+        ({"repeats": 0}, "repeats is 0: give at least 1"),
+        ({"iterations": 0}, "iterations is 0"),
+        ({"cells": 0}, "cells is 0"),
+        ({"calibration": (0,)}, "calibration is .0."),
+    ],
+)
+def test_impossible(options, words):
+    with pytest.raises(BadInputError, match=words):
+        Measures(**options)

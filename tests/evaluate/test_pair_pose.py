@@ -1,0 +1,71 @@
+import math
+
+import numpy as np
+import pytest
+from textured_scenes import keypoints
+from wall_scene import DISTANCE, FOCAL, Wall
+
+from sips_lit.evaluate.pair_pose import for_repeat, pair_pose
+from sips_lit.inliers.stereo_p3p import StereoP3PInliers
+from sips_lit.tracking.pairs import read_pair
+from sips_lit.types import Matches
+
+CHECK = StereoP3PInliers(iterations=200)
+GRID = np.array([[x, y] for x in range(40, 140, 12) for y in range(30, 110, 13)], np.float32)
+
+
+def scene(wall: Wall, error: float = 0.0):
+    """Frames 0 and 2, 16 pixels apart: true correspondences, and how far the first points are off."""
+    pair = read_pair(wall, 0, 2, between=False)
+    return pair, keypoints(GRID), keypoints(GRID - (16 - error, 8))
+
+
+def identity(count: int) -> Matches:
+    return Matches(np.arange(count), np.arange(count))
+
+
+@pytest.mark.parametrize("stereo", [False, True])
+def test_true_correspondences_give_the_true_pose(stereo):
+    pose = pair_pose(*scene(Wall(4, depth=not stereo, stereo=stereo)), CHECK)
+    rotation, translation = pose.errors(identity(len(GRID)), 0)
+    assert rotation < 0.05
+    assert translation < 0.02
+    assert pose.T_1_0[0, 3] == pytest.approx(-16 * DISTANCE / FOCAL)
+
+
+def test_an_error_is_measured():
+    """Points that are all 5 px off put the camera half a metre aside: a metre is ten pixels."""
+    rotation, translation = pair_pose(*scene(Wall(4), 5.0), CHECK).errors(identity(len(GRID)), 0)
+    assert translation == pytest.approx(0.5, abs=0.05)
+    assert rotation < 0.3
+
+
+def test_failures_are_infinite():
+    pose = pair_pose(*scene(Wall(4)), CHECK)
+    assert pose.errors(identity(3), 0) == (math.inf, math.inf)
+    assert pose.errors(identity(0), 0) == (math.inf, math.inf)
+    assert pose.errors(identity(9), 0, least=10) == (math.inf, math.inf)
+    assert pose.errors(identity(10), 0, least=10)[1] < 0.1
+
+
+def test_points_without_depth_do_not_count():
+    wall = Wall(4)
+    depth = wall.depth(0)
+    depth[:, 60:] = np.nan
+    wall.depth = lambda index: depth
+    pose = pair_pose(*scene(wall), CHECK)
+    known = np.flatnonzero(GRID[:, 0] < 60)
+    assert pose.errors(Matches(known, known), 0)[1] < 0.1
+    unknown = np.flatnonzero(GRID[:, 0] > 60)
+    assert pose.errors(Matches(unknown, unknown), 0) == (math.inf, math.inf)
+
+
+def test_nobody_knows():
+    for wall in (Wall(4, poses=False), Wall(4, depth=False), Wall(4, poses=False, stereo=True, depth=False)):
+        assert pair_pose(*scene(wall), CHECK) is None
+
+
+def test_repeats_have_samples_of_their_own():
+    prepared = CHECK.prepare(*scene(Wall(4)))
+    assert [for_repeat(prepared, repeat).check.seed for repeat in range(3)] == [0, 1, 2]
+    assert for_repeat(prepared, 2).side0 is prepared.side0
