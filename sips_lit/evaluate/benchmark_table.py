@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from tabulate import tabulate
 
 from sips_lit.evaluate.benchmark_result import PairSetResult
@@ -27,6 +29,9 @@ def table(result: PairSetResult) -> str:
 def protocol_line(result: PairSetResult, measures: Measures) -> str:
     """One line that says how the numbers were obtained."""
     p = result.protocol
-    checks = "; ".join(", ".join(f"{key}={value}" for key, value in check.items()) for check in p["verification"])
+    checks = "; ".join(
+        ", ".join(f"{key}={value}" for key, value in check.items() if not isinstance(value, Mapping))
+        for check in p["verification"]
+    )
     chosen = ", ".join(f"{key}={p[key]}" for key in ("kind", "overlap", "seed", "pairs_file") if key in p)
     return f"{p['pairs']} pairs ({chosen}), at most {measures.n_max} points, {checks}"
