@@ -1,0 +1,1 @@
+"""The report of a benchmark: page, figures, tables and numbers, all from its records."""

@@ -1,0 +1,89 @@
+"""Everything that a benchmark leaves behind, from its records."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+from tqdm import tqdm
+
+from sips_lit.atomic import make_folder, write_whole
+from sips_lit.evaluate.benchmark_result import PairSetResult
+from sips_lit.evaluate.report.embedding import svg_of
+from sips_lit.evaluate.report.figures import Looks, charts
+from sips_lit.evaluate.report.machine import describe_machine
+from sips_lit.evaluate.report.page import report_page
+from sips_lit.evaluate.report.pair_pictures import PairPicture
+from sips_lit.evaluate.report.stored import store_results
+from sips_lit.evaluate.report.tables import write_tables
+from sips_lit.evaluate.report.tensorboard import log_to_tensorboard
+from sips_lit.frames.folder import safe_name
+from sips_lit.render.detector_looks import detector_looks
+
+PairPictures = Mapping[tuple[str, str], Sequence[PairPicture]]
+"""By the keys of pair set and detector."""
+
+
+def write_report(
+    folder: Path,
+    results: Sequence[PairSetResult],
+    pictures: PairPictures,
+    date: str | None = None,
+    machine: Mapping[str, str] | None = None,
+) -> list[Path]:
+    """Writes ``report.html``, ``results.json``, ``summary.csv``, a CSV per pair set and detector, figures and TensorBoard.
+
+    ``date`` is shown as given; ``machine`` describes where the times were measured, this one if None. Returns the files.
+    Raises BadInputError when one cannot be written, or a picture cannot be read.
+    """
+    make_folder(folder)
+    results = [_with_different_names(result) for result in results]
+    looks = detector_looks(detector.name for result in results for detector in result.detectors)
+    numbers, page = folder / "results.json", folder / "report.html"
+    store_results(numbers, results)
+    written = [numbers, *write_tables(folder, results), *_write_pictures(folder / "pictures", pictures)]
+    written += _write_figures(folder / "figures", results, looks)
+    html = report_page(results, pictures, looks, date, describe_machine() if machine is None else machine)
+    write_whole(page, html.encode())
+    log_to_tensorboard(folder / "tensorboard", results, looks)
+    return [page, *written, folder / "tensorboard"]
+
+
+def _with_different_names(result: PairSetResult) -> PairSetResult:
+    """The result with the key added to names that several detectors share, as figures tell them apart by name."""
+    count = Counter(detector.name for detector in result.detectors)
+    detectors = tuple(
+        replace(detector, name=f"{detector.name} ({detector.key})") if count[detector.name] > 1 else detector
+        for detector in result.detectors
+    )
+    return replace(result, detectors=detectors)
+
+
+def _write_figures(folder: Path, results: Sequence[PairSetResult], looks: Looks) -> list[Path]:
+    written = []
+    for result in tqdm(results, desc="figures", unit="pair set", delay=2, leave=False):
+        for chart in charts(result, looks):
+            make_folder(folder)
+            stem = folder / f"{safe_name(result.key)}_{chart.key}"
+            chart.figure.savefig(stem.with_suffix(".png"))
+            write_whole(stem.with_suffix(".svg"), svg_of(chart.figure).encode())
+            written += [stem.with_suffix(".png"), stem.with_suffix(".svg")]
+    return written
+
+
+def _write_pictures(folder: Path, pictures: PairPictures) -> list[Path]:
+    """The pictures that are in no file yet, at full size."""
+    written = []
+    for (pair_set, detector), drawn in pictures.items():
+        for picture in drawn:
+            if isinstance(picture.image, Path):
+                continue
+            make_folder(folder / safe_name(pair_set))
+            path = folder / safe_name(pair_set) / f"{safe_name(detector)}_{safe_name(picture.label)}.png"
+            png = cv2.imencode(".png", cv2.cvtColor(picture.image, cv2.COLOR_RGB2BGR))[1]
+            write_whole(path, png.tobytes())
+            written.append(path)
+    return written

@@ -1,0 +1,92 @@
+"""How the numbers of a pair set were obtained, in words and then key by key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from typing import Any
+
+from sips_lit.evaluate.benchmark_result import DetectorResult, PairSetResult
+from sips_lit.evaluate.report.stored import plain
+from sips_lit.evaluate.report.summary import main_budget, main_k
+
+_WORDS = {"n_max": "most points an image, n_max", "ks": "values of k", "k": "inliers asked for, k"}
+
+
+def protocol_html(result: PairSetResult) -> str:
+    """A paragraph, a table of everything that all detectors share, and what is each detector's own."""
+    shared = _shared(result)
+    words = " ".join(sentence for sentence in _sentences(result, shared))
+    own = [_own(detector, shared) for detector in result.detectors]
+    return f"<p>{escape(words)}</p>\n{definition_table(shared)}\n{''.join(own)}"
+
+
+def definition_table(entries: Mapping[str, Any]) -> str:
+    """Keys and values as a table, entries of entries in their own rows."""
+    rows = "".join(
+        f'<tr><th scope="row">{escape(_WORDS.get(key, key.replace("_", " ")))}</th><td>{escape(value)}</td></tr>'
+        for key, value in _flat(plain(entries))
+    )
+    return f'<div class="scroll"><table class="plain"><tbody>{rows}</tbody></table></div>' if rows else ""
+
+
+def _shared(result: PairSetResult) -> dict[str, Any]:
+    """The pair set's protocol with what the protocols of all its detectors agree on."""
+    shared = dict(result.protocol)
+    protocols = [detector.protocol for detector in result.detectors]
+    for key, value in (protocols[0] if protocols else {}).items():
+        if all(key in protocol and plain(protocol[key]) == plain(value) for protocol in protocols):
+            shared.setdefault(key, value)
+    return shared
+
+
+def _own(detector: DetectorResult, shared: Mapping[str, Any]) -> str:
+    own = {k: v for k, v in detector.protocol.items() if k not in shared or plain(shared[k]) != plain(v)}
+    if not own:
+        return ""
+    return f"<details><summary>{escape(detector.name)}</summary>{definition_table(own)}</details>"
+
+
+def _sentences(result: PairSetResult, shared: Mapping[str, Any]) -> Iterator[str]:
+    if not result.detectors:
+        yield "No detector was run."
+        return
+    first = result.detectors[0]
+    overlap = f" with an overlap of at least {shared['overlap']}" if "overlap" in shared else ""
+    seed = f", drawn with seed {shared['seed']}" if "seed" in shared else ""
+    yield f"{len(first.pairs)} pairs of images{overlap}{seed}, the same for all detectors."
+    yield f"Each detector was asked for its {first.n_max} best points an image or more; n_k is the fewest points with k inliers."
+    for check in _checks(shared):
+        yield "Verification: " + ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in check.items()) + "."
+    repeats = first.n_k.shape[1]
+    if repeats > 1:
+        yield f"The verification is random and was repeated {repeats} times with other seeds; numbers are means over the repeats."
+    yield f"Tables and curves are for k = {main_k(first)}"
+    n = main_budget(first)
+    yield f"and, where points are limited, for the {n} best of each image." if n else "."
+
+
+def _checks(shared: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """The different verifications; the protocol has one for each source of pairs."""
+    checks = shared.get("verification", ())
+    several = [checks] if isinstance(checks, Mapping) else checks
+    return [check for index, check in enumerate(several) if isinstance(check, Mapping) and check not in several[:index]]
+
+
+def _flat(entries: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in entries.items():
+        name = f"{above} {key}".strip()
+        if isinstance(value, Mapping):
+            yield from _flat(value, name)
+        elif isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
+            different = [entry for index, entry in enumerate(value) if entry not in value[:index]]
+            for index, entry in enumerate(different, 1):
+                yield from _flat(entry, name if len(different) == 1 else f"{name} {index}")
+        else:
+            yield name, _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(_text, value))
+    return "none" if value is None else str(value)

@@ -1,0 +1,74 @@
+"""The table of a pair set as HTML that can be sorted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from html import escape
+
+from sips_lit.evaluate.benchmark_result import PairSetResult
+from sips_lit.evaluate.report.columns import Column, columns_of, text_of
+from sips_lit.evaluate.report.figures import Looks
+from sips_lit.evaluate.report.summary import Summary, summary
+from sips_lit.render.detector_looks import Look, is_control
+
+_DASHES = {"-": "", "--": "6 3", ":": "1.5 2.5"}
+
+
+def table_html(result: PairSetResult, looks: Looks) -> str:
+    """A row a detector, best AUC first; the best value of each column is marked, controls left aside."""
+    rows = [(detector.name, summary(detector)) for detector in result.detectors]
+    rows.sort(key=lambda row: -row[1].auc if not math.isnan(row[1].auc) else 2)
+    columns = columns_of([row for _, row in rows])
+    contenders = [row for name, row in rows if not is_control(name)]
+    best = [_best(column, contenders) for column in columns]
+    body = "\n".join(_row(name, row, columns, best, looks[name]) for name, row in rows)
+    return (
+        '<div class="scroll"><table class="sortable">\n'
+        f"<thead><tr>{_heading('detector', 'ascending')}{''.join(map(_column_heading, columns))}</tr></thead>\n"
+        f"<tbody>\n{body}\n</tbody></table></div>"
+    )
+
+
+def swatch(look: Look) -> str:
+    """A piece of a detector's line."""
+    marker = f'<circle cx="16" cy="5" r="3" fill="{look.colour}"/>' if look.marker else ""
+    line = f'<path d="M0 5H32" stroke="{look.colour}" stroke-width="2.5" stroke-dasharray="{_DASHES[look.line]}"/>'
+    return f'<svg class="swatch" viewBox="0 0 32 10" aria-hidden="true">{line}{marker}</svg>'
+
+
+def _column_heading(column: Column) -> str:
+    first = "descending" if column.better > 0 else "ascending"
+    sort = "descending" if column.key == "auc" else None
+    return _heading(column.title, first, sort, column.definition)
+
+
+def _heading(title: str, first: str, sort: str | None = None, definition: str = "") -> str:
+    sorted_by = "" if sort is None else f' aria-sort="{sort}"'
+    tip = f' title="{escape(definition)}"' if definition else ""
+    return f'<th scope="col" data-first="{first}"{sorted_by}{tip}><button type="button">{escape(title)}</button></th>'
+
+
+def _row(name: str, row: Summary, columns: Sequence[Column], best: Sequence[float], look: Look) -> str:
+    control = is_control(name)
+    tag = ' <span class="tag">control</span>' if control else ""
+    cells = [f'<td data-value="{escape(name)}">{swatch(look)}{escape(name)}{tag}</td>']
+    cells += [_cell(column, row, record, control) for column, record in zip(columns, best, strict=True)]
+    return f'<tr{" class=control" if control else ""}>{"".join(cells)}</tr>'
+
+
+def _cell(column: Column, row: Summary, record: float, control: bool) -> str:
+    value = column.value(row)
+    sortable = "" if math.isnan(value) else "Infinity" if math.isinf(value) else repr(float(value))
+    marked = not control and text_of(value, column.digits) == text_of(record, column.digits) and math.isfinite(value)
+    digits = 0 if column.key == "failures" and value == int(value) else column.digits
+    deviation = math.nan if column.deviation is None else column.deviation(row)
+    spread = "" if math.isnan(deviation) else f' <span class="deviation">± {deviation:.3f}</span>'
+    return f'<td data-value="{sortable}"{" class=best" if marked else ""}>{text_of(value, digits)}{spread}</td>'
+
+
+def _best(column: Column, rows: Sequence[Summary]) -> float:
+    values = [value for row in rows if not math.isnan(value := column.value(row))]
+    if not values or column.better == 0:
+        return math.nan
+    return max(values) if column.better > 0 else min(values)
