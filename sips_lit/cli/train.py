@@ -27,14 +27,16 @@ def train(config: DictConfig) -> float:
     """One run. Returns the best validation succinctness AUC, which is what a sweep maximises."""
     cv2.setNumThreads(1)  # the labelling threads share the cores with the network
     L.seed_everything(config.seed, workers=True, verbose=False)
-    require_steps(config.trainer)
+    interval = pairs_between_validations(config.trainer)
     data: PairDataModule = build(config.datamodule)
     module: SipsModule = build(config.module)
     ckpt_path = resume_path(config.ckpt_path, config.paths.run, config.paths.outputs)
     if ckpt_path is not None:
         require_same_network(ckpt_path, module.network)
     callbacks = list(build(config.callbacks).values())
-    trainer: L.Trainer = build(config.trainer, callbacks=callbacks, logger=build(config.logger))
+    trainer: L.Trainer = build(
+        config.trainer, callbacks=callbacks, logger=build(config.logger), val_check_interval=interval
+    )
     print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
     log_settings(trainer, config)
     trainer.fit(module, data, ckpt_path=ckpt_path)
@@ -87,12 +89,15 @@ def resume_path(ckpt_path: str | None, run_folder: str, outputs: str) -> str | N
     return str(found[-1])
 
 
-def require_steps(trainer: DictConfig) -> None:
-    """Raises BadInputError unless training and validation are counted in steps; at least the last one validates."""
+def pairs_between_validations(trainer: DictConfig) -> int:
+    """What Lightning calls ``val_check_interval``: it counts pairs, where the configuration counts optimiser steps.
+
+    At least the last step validates. Raises BadInputError unless training and validation are counted in steps.
+    """
     for key in ("max_steps", "val_check_interval"):
         if not isinstance(trainer[key], int) or trainer[key] < 1:
             raise BadInputError(f"trainer.{key} is {trainer[key]}: set it to a number of steps, 1 or more")
-    trainer.val_check_interval = min(trainer.val_check_interval, trainer.max_steps)
+    return int(min(trainer.val_check_interval, trainer.max_steps) * trainer.accumulate_grad_batches)
 
 
 def require_same_network(checkpoint: str, network: ScoreNetwork) -> None:

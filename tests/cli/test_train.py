@@ -206,6 +206,13 @@ def test_accumulated_gradients_resume_exactly(tmp_path, frames):
     assert_equal_weights(tmp_path / "one", tmp_path / "two")
 
 
+def test_validations_are_counted_in_steps_of_several_pairs(tmp_path, frames):
+    steps = "trainer.max_steps=6", "trainer.accumulate_grad_batches=3", "trainer.val_check_interval=2"
+    run_it(tmp_path / "run", frames, *steps)
+    # Lightning logs the number of the last step, counted from 0
+    assert [step for step, _ in scalars(tmp_path / "run")["val/succinctness_auc"]] == [1, 3, 5]
+
+
 def test_a_finished_run_has_nothing_to_resume(whole, tmp_path, frames):
     checkpoint = whole[0] / "checkpoints" / "last.ckpt"
     run_it(tmp_path / "run", frames, "trainer.max_steps=8", "trainer.val_check_interval=3", f"ckpt_path={checkpoint}")
