@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import hydra
 from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
-from omegaconf.errors import ConfigKeyError
 
 from sips_lit.cli.app import CONF_DIR, build, explain
 from sips_lit.errors import BadInputError
@@ -71,18 +72,18 @@ def make_contenders(config: DictConfig, entries: list[Entry], on_skip: Callable[
     plain_descriptor = OmegaConf.to_container(config.descriptor, resolve=True)
     contenders = []
     for entry in entries:
+        whole = _with_detector(config, entry)
         try:
-            node = _resolved(config, entry)
-            detector: Detector = build(node)
+            detector: Detector = build(whole.detector)
         except Exception as error:
-            reason = explain(error, config)
+            reason = explain(error, whole)
             if reason is None:
                 raise
             on_skip(entry.key, reason)
             continue
         if descriptor is None and not detector.describes:
             on_skip(entry.key, f"{detector.name} does not describe its points: give a common descriptor, as rootsift")
-        plain = OmegaConf.to_container(node, resolve=True)
+        plain = OmegaConf.to_container(whole.detector, resolve=True)
         name = detector.name + entry.note
         if detector.describes:
             signature = signature_of(detector, None, plain, None)
@@ -108,27 +109,25 @@ def _entry(item: Any, known: list[str]) -> Entry:
 
 
 def _detector_node(entry: Entry) -> DictConfig:
-    """The configuration of the detector with its overrides, unresolved."""
+    """The configuration of the detector with its overrides, unresolved.
+
+    Any argument of its constructor may be set, whether or not the file names it.
+    """
     node = OmegaConf.load(CONF_DIR / "detector" / f"{entry.detector}.yaml")
     assert isinstance(node, DictConfig)
-    for key in entry.overrides:
-        if key not in node or key == "_target_":
-            has = ", ".join(str(k) for k in node if k != "_target_") or "none"
-            raise BadInputError(f"detectors sets {key} of {entry.detector}, which has no such key: it has {has}")
-    OmegaConf.set_struct(node, True)
-    try:
-        merged = OmegaConf.merge(node, dict(entry.overrides))
-    except ConfigKeyError as error:
-        raise BadInputError(f"detectors sets a key that {entry.detector} does not have: {error.full_key}") from error
+    known = list(inspect.signature(hydra.utils.get_object(node["_target_"])).parameters)
+    unknown = next((key for key in entry.overrides if key not in known), None)
+    if unknown is not None:
+        has = ", ".join(known) or "none"
+        raise BadInputError(f"detectors sets {unknown} of {entry.detector}, which has no such key: it has {has}")
+    merged = OmegaConf.merge(node, dict(entry.overrides))
     assert isinstance(merged, DictConfig)
     return merged
 
 
-def _resolved(config: DictConfig, entry: Entry) -> DictConfig:
-    """The detector's configuration, with what it takes from the benchmark's."""
+def _with_detector(config: DictConfig, entry: Entry) -> DictConfig:
+    """The benchmark's configuration with that of the detector in it, which may refer to it."""
     whole = config.copy()
     with open_dict(whole):
         whole.detector = _detector_node(entry)
-    node = whole.detector
-    assert isinstance(node, DictConfig)
-    return node
+    return whole

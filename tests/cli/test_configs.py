@@ -52,7 +52,7 @@ def test_every_group_is_covered():
     groups = {path.name for path in CONF_DIR.iterdir() if path.is_dir()}
     assert groups == {group for groups in GROUPS.values() for group in groups} | {"data", "experiment"}
     commands = {path.stem for path in CONF_DIR.glob("*.yaml")}
-    assert commands == {*GROUPS, "detect", "export"}
+    assert commands == {*GROUPS, "benchmark", "detect", "export"}
 
 
 @pytest.mark.parametrize(("command", "group", "name"), cases(), ids=lambda part: str(part))
@@ -141,7 +141,19 @@ def test_validation_data_in_its_own_place():
     assert OmegaConf.is_missing(config.data, "path")
 
 
-@pytest.mark.parametrize("name", names("experiment"))
+BENCHMARKS = [name for name in names("experiment") if name.startswith("benchmark")]
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_every_benchmark_composes(name, tmp_path):
+    given = "root=x", "checkpoint=x", "data.path=x", f"paths.run={tmp_path}"
+    config = composed("benchmark", f"experiment={name}", *given)
+    OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    for entry in config.pair_sets.values():
+        assert build(entry.inliers).protocol["inliers"]
+
+
+@pytest.mark.parametrize("name", sorted(set(names("experiment")) - set(BENCHMARKS)))
 def test_every_experiment_composes(name, tmp_path):
     config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}")
     OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
@@ -158,7 +170,7 @@ def test_every_target_is_ours_or_of_what_we_depend_on():
                 assert target.startswith(("sips_lit.", "lightning.", "torch.", "torchmetrics.")), (path, target)
 
 
-@pytest.mark.parametrize("name", ["index", "evaluate", "detect", "export"])
+@pytest.mark.parametrize("name", ["index", "evaluate", "benchmark", "detect", "export"])
 def test_unknown_keys_are_refused(command, name):
     result = command(name, "nonsense=1")
     assert result.code == 1
