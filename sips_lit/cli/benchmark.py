@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from sips_lit.cli.app import build, run
 from sips_lit.cli.contenders import make_contenders, parse_entries
@@ -17,6 +17,7 @@ from sips_lit.evaluate.benchmark import BenchmarkPairs, run_contenders
 from sips_lit.evaluate.benchmark_pictures import draw_benchmark_pictures
 from sips_lit.evaluate.benchmark_result import PairSetResult
 from sips_lit.evaluate.benchmark_table import protocol_line, table
+from sips_lit.evaluate.frame_memory import FrameMemory
 from sips_lit.evaluate.measure import Measures
 from sips_lit.evaluate.pair_choice import choose_pairs
 from sips_lit.evaluate.pair_file import write_pair_file
@@ -26,39 +27,40 @@ from sips_lit.evaluate.report.summary import summary
 from sips_lit.frames.folder import safe_name
 from sips_lit.frames.source import as_sources
 
-OWN_KEYS = ("kind", "pairs", "overlap", "pairs_file", "seed")
-"""What a pair set may set for itself."""
+CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
+"""Keys that say how pairs are chosen."""
+MEASURED = tuple(field.name for field in fields(Measures))
+"""Keys that say what is measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class PairSet:
-    """A pair set, ready to be measured; ``drawn`` says how its pairs were chosen."""
+    """A pair set, ready to be measured by ``measures``; ``chosen`` says how its pairs were."""
 
     key: str
     title: str
     pairs: BenchmarkPairs
-    drawn: Mapping[str, Any]
+    measures: Measures
+    chosen: Mapping[str, Any]
 
 
 def benchmark(config: DictConfig) -> float | None:
     """Measures, prints a table a pair set, writes the report. Returns the best AUC on the first pair set."""
     cv2.setNumThreads(-1)
-    entries, measures = parse_entries(config.detectors), read_measures(config)
+    entries = parse_entries(config.detectors)
     folder, cache = Path(config.paths.run), Path(config.features)
     skipped: dict[str, str] = {}
     contenders = make_contenders(config, entries, _told(skipped))
     results: list[PairSetResult] = []
     pictures: dict[tuple[str, str], Sequence[PairPicture]] = {}
     for pair_set in make_pair_sets(config, folder):
-        left_out = dict(skipped)
-        measured = run_contenders(
-            contenders, pair_set.pairs, measures, cache, config.workers, pair_set.title, _told(left_out)
-        )
-        protocol = {**pair_set.pairs.protocol, **pair_set.drawn}
+        pairs, measures, left_out = pair_set.pairs, pair_set.measures, dict(skipped)
+        measured = run_contenders(contenders, pairs, measures, cache, config.workers, pair_set.title, _told(left_out))
+        protocol = {**pairs.protocol, **pair_set.chosen}
         results.append(PairSetResult(pair_set.key, pair_set.title, protocol, tuple(measured), left_out))
         print(f"\n{pair_set.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1], measures)}")
         if config.pictures:
-            drawn = draw_benchmark_pictures(measured, contenders, pair_set.pairs, measures, cache)
+            drawn = draw_benchmark_pictures(measured, contenders, pairs, measures, cache)
             pictures |= {(pair_set.key, key): of_detector for key, of_detector in drawn.items()}
     written = write_report(folder, results, pictures)
     print("\nwrote:\n" + "\n".join(f"  {path}" for path in written))
@@ -88,35 +90,37 @@ def make_pair_sets(config: DictConfig, folder: Path) -> list[PairSet]:
     entries: dict[str, Any] = {str(key): entry for key, entry in config.pair_sets.items() if entry is not None}
     if not entries:
         entries = {"data": OmegaConf.create({})}
-    return [_pair_set(config, key, entry, folder) for key, entry in entries.items()]
+    memory = FrameMemory()
+    return [_pair_set(config, key, entry, folder, memory) for key, entry in entries.items()]
 
 
-def _pair_set(config: DictConfig, key: str, entry: DictConfig, folder: Path) -> PairSet:
-    allowed = ("title", "data", "inliers", *OWN_KEYS)
+def _pair_set(config: DictConfig, key: str, entry: DictConfig, folder: Path, memory: FrameMemory) -> PairSet:
+    allowed = tuple(dict.fromkeys(("title", "data", "inliers", *CHOICE, *MEASURED)))
     unknown = next((str(name) for name in entry if name not in allowed), None)
     if unknown is not None:
         raise BadInputError(f"pair_sets.{key} sets {unknown}, which no pair set has: it can set {', '.join(allowed)}")
-    drawn = {name: entry[name] if name in entry else config[name] for name in OWN_KEYS}
-    data, inliers = (build(entry[name] if name in entry else config[name]) for name in ("data", "inliers"))
+
+    def value(name: str) -> Any:
+        found = entry[name] if name in entry else config[name]
+        return tuple(found) if isinstance(found, ListConfig) else found
+
+    measures = Measures(**{name: value(name) for name in MEASURED})
+    choice: dict[str, Any] = {name: value(name) for name in CHOICE}
+    data, inliers = build(value("data")), build(value("inliers"))
     sources = as_sources(data)
-    listed = choose_pairs(sources, config.paths.indexes, **drawn, workers=config.workers)
-    pairs = BenchmarkPairs(sources, listed, inliers)
+    listed = choose_pairs(sources, config.paths.indexes, **choice, workers=config.workers)
+    pairs = BenchmarkPairs(sources, listed, inliers, memory)
     write_pair_file(folder / safe_name(key) / "pairs.csv", pairs.sequences, listed)
-    if drawn["pairs_file"] is not None:
-        drawn = {"pairs_file": Path(drawn["pairs_file"]).name}
-    elif drawn["kind"] != "random":
-        drawn = {"kind": drawn["kind"]}
-    else:
-        drawn = {name: drawn[name] for name in ("kind", "overlap", "seed")}
-    return PairSet(key, str(entry.get("title", key)), pairs, drawn)
+    return PairSet(key, str(entry.get("title", key)), pairs, measures, _in_words(choice))
 
 
-def read_measures(config: DictConfig) -> Measures:
-    """What is measured, from the keys of the same names."""
-    values = {field.name: config[field.name] for field in fields(Measures)}
-    plain: Any = OmegaConf.to_container(OmegaConf.create(values), resolve=True)
-    read: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in plain.items()}
-    return Measures(**read)
+def _in_words(choice: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a choice of pairs that mattered."""
+    if choice["pairs_file"] is not None:
+        return {"pairs_file": Path(choice["pairs_file"]).name}
+    if choice["kind"] != "random":
+        return {"kind": choice["kind"]}
+    return {name: choice[name] for name in ("kind", "overlap", "seed")}
 
 
 def main() -> None:

@@ -34,12 +34,18 @@ from sips_lit.types import FramePair, ImageSequence, InlierCheck
 
 
 class BenchmarkPairs:
-    """The pairs of a pair set with the check of each; frames are read once and remembered within a limit of memory.
+    """The pairs of a pair set with the check of each; what is read stays in ``memory`` (of its own, if None is given).
 
     Raises BadInputError where there are no pairs.
     """
 
-    def __init__(self, sources: Sequence[Source], listed: Sequence[ListedPair], default: InlierCheck) -> None:
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        listed: Sequence[ListedPair],
+        default: InlierCheck,
+        memory: FrameMemory | None = None,
+    ) -> None:
         memory = FrameMemory()
         if not listed:
             raise BadInputError("the pair set has no pairs: check its data and its kind of pairs")

@@ -61,7 +61,7 @@ class DetectorResult:
     ``n_k`` (P, R, K): points needed for each k of ``ks``, inf = failure; ``rotation_error`` and ``translation_error``
     (P, R, K): of the pose from the matches at n_k. ``points0`` and ``points1`` (P,): points found when ``n_max`` were asked
     for. ``budgets``: by n. ``calibration``: by n, for detectors whose scores are probabilities. ``milliseconds``: mean time
-    of each stage (detect and describe: of an image; match, depth, verify: of a pair), empty when all came from the cache.
+    of each stage (detect and describe: of an image, when its features were made; match, depth, verify, metrics: of a pair).
     ``defects``: counts of what was wrong with the detector's output. ``protocol``: how all this was obtained.
     """
 

@@ -74,7 +74,7 @@ def test_several_pair_sets(command, folders, frames, tmp_path):
         f" path: {tmp_path}/stills, size: [128, 96], length: 4, flights_per_still: 1}},"
         " inliers: {_target_: sips_lit.inliers.homography.HomographyInliers}}"
     )
-    film = f"{{pairs: 2, data: {{_target_: sips_lit.frames.folder.folder, path: {frames}}}}}"
+    film = f"{{pairs: 2, n_max: 30, ks: [4, 6], data: {{_target_: sips_lit.frames.folder.folder, path: {frames}}}}}"
     result = command(
         "benchmark",
         "detectors=[shi_tomasi]",
@@ -90,7 +90,7 @@ def test_several_pair_sets(command, folders, frames, tmp_path):
     assert "\nFlight\n" in result.out
     assert "\nfilm\n" in result.out
     assert "3 pairs (kind=first_to_others), at most 40 points, inliers=homography" in result.out
-    assert "2 pairs (kind=random" in result.out
+    assert "2 pairs (kind=random, overlap=0.5, seed=0), at most 30 points, inliers=klt" in result.out
     assert len((folders / "run" / "flight" / "pairs.csv").read_text().splitlines()) == 4
 
 
