@@ -9,7 +9,7 @@ import torch
 
 from sips_lit.callbacks.tensorboard import writer_of
 from sips_lit.evaluate.verification import VerifiedPair
-from sips_lit.metrics.succinctness import Succinctness, points_needed
+from sips_lit.metrics.succinctness import Succinctness
 from sips_lit.render.curves import draw_succinctness
 
 
@@ -39,7 +39,7 @@ class SuccinctnessValidation(L.Callback):
     ) -> None:
         """Adds a pair."""
         assert isinstance(outputs, VerifiedPair)
-        self.metric.update(points_needed(outputs.inliers_by_budget(self.n_max), self.k))
+        self.metric.update(outputs.points_needed(self.k, self.n_max))
 
     def on_validation_epoch_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         """Logs the summary; a number that does not exist (80 % never reached) is left out."""

@@ -31,8 +31,7 @@ def evaluate_one(config: DictConfig) -> float:
     print(f"{table([evaluation])}\n\n{protocol_line(evaluation)}")
     folder = Path(config.paths.run)
     written = write_results(folder, {"result": evaluation})
-    if config.search == "exact":
-        written += write_match_pictures(folder / "pictures", "pair", evaluation, pairs, detector, descriptor, config.n)
+    written += write_match_pictures(folder / "pictures", "pair", evaluation, pairs, detector, descriptor, config.n)
     print("\nwrote:\n" + "\n".join(f"  {path}" for path in written))
     return evaluation.succinctness.auc
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,23 +16,23 @@ from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import extract
 from sips_lit.evaluate.pairs import PairSet
-from sips_lit.evaluate.verification import Search, VerifiedPair, search_points_needed, verify
+from sips_lit.evaluate.verification import Search, VerifiedPair, verify
 from sips_lit.inliers.point_labels import point_labels
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
-from sips_lit.metrics.succinctness import Succinctness, SuccinctnessResult, points_needed
-from sips_lit.types import Descriptor, Detector, Features, FramePair, GreyImage
+from sips_lit.metrics.succinctness import Succinctness, SuccinctnessResult
+from sips_lit.types import Descriptor, Detector, Features, GreyImage
 
 
 @dataclass(frozen=True, slots=True)
 class PairRow:
-    """What one pair gave: n_k (None = failure), and points, matches and inliers at n_max (None for a binary search)."""
+    """What one pair gave: n_k (None = failure), and points, matches and inliers at n_max."""
 
     pair: str
     n_k: int | None
     points0: int
     points1: int
-    matches: int | None
-    inliers: int | None
+    matches: int
+    inliers: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +67,13 @@ def evaluate(
     pairs: PairSet,
     k: int = 10,
     n_max: int = 200,
-    search: Search = "exact",
+    search: Search = "auto",
     name: str | None = None,
 ) -> Evaluation:
     """Succinctness of a detector with a descriptor (None = its own) over a pair set, and calibration of probabilities.
 
     Raises BadInputError for what the detector, the descriptor or the inlier check can't do, and for impossible numbers.
     """
-    if search not in get_args(Search):
-        raise BadInputError(f"search is {search}: give {' or '.join(get_args(Search))}")
     if not 1 <= k < n_max:
         raise BadInputError(f"k is {k} and n_max is {n_max}: ask for at least one inlier, within more points than that")
     name = name or detector.name + ("" if descriptor is None else f" + {descriptor.name}")
@@ -83,25 +81,22 @@ def evaluate(
     succinctness, calibration, rows = Succinctness(k, n_max), Calibration(), []
     for pair, check in tqdm(pairs, desc=name, unit="pair", delay=2, leave=False):
         features = features_of(pair.image0), features_of(pair.image1)
-        verified = verify(pair, *features, check) if search == "exact" else None
-        if verified is None:
-            n_k = search_points_needed(pair, *features, check, k, n_max, search)
-        else:
-            n_k = points_needed(verified.inliers_by_budget(n_max), k)
-            if isinstance(detector, SipsDetector):
-                add_to_calibration(calibration, verified, n_max)
-        rows.append(_row(pair, features, verified, n_k, n_max))
+        verified = verify(pair, *features, check, search)
+        n_k = verified.points_needed(k, n_max)
+        if isinstance(detector, SipsDetector):
+            add_to_calibration(calibration, verified, n_max)
+        rows.append(_row(verified, n_k, n_max))
         succinctness.update(n_k)
     protocol = {
         "detector": detector.name,
         "descriptor": "own" if descriptor is None else descriptor.name,
         "k": k,
         "n_max": n_max,
-        "search": search,
+        "search": search_used(search, pairs),
         **pairs.protocol,
         "versions": versions(),
     }
-    measured = calibration.result() if isinstance(detector, SipsDetector) and search == "exact" else None
+    measured = calibration.result() if isinstance(detector, SipsDetector) else None
     return Evaluation(name, protocol, succinctness.result(), measured, rows)
 
 
@@ -117,6 +112,13 @@ def add_to_calibration(calibration: Calibration, verified: VerifiedPair, n: int)
         calibration.update(torch.from_numpy(scores[labels.known]), torch.from_numpy(labels.inlier[labels.known]))
 
 
+def search_used(search: Search, pairs: PairSet) -> str:
+    """What ``search`` comes to with the checks of these pairs: exact, binary, or both."""
+    if search != "auto":
+        return search
+    return " and ".join(sorted({"exact" if check.independent else "binary" for check in pairs.checks}))
+
+
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
     return {
@@ -127,10 +129,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def _row(
-    pair: FramePair, features: tuple[Features, Features], verified: VerifiedPair | None, n_k: int | None, n_max: int
-) -> PairRow:
-    if verified is None:
-        return PairRow(pair.name, n_k, len(features[0]), len(features[1]), None, None)
+def _row(verified: VerifiedPair, n_k: int | None, n_max: int) -> PairRow:
     matches, inliers = verified.at(n_max)
-    return PairRow(pair.name, n_k, len(features[0]), len(features[1]), len(matches), int(inliers.inlier.sum()))
+    points = len(verified.features0), len(verified.features1)
+    return PairRow(verified.pair.name, n_k, *points, len(matches), int(inliers.inlier.sum()))

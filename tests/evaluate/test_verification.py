@@ -3,7 +3,7 @@ import pytest
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.verification import search_points_needed, verify
+from sips_lit.evaluate.verification import verify
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
 from sips_lit.types import Features, FramePair, Matches, Reason
@@ -45,8 +45,6 @@ SIZES = [(40, 40), (25, 40), (40, 12), (1, 1), (0, 5), (0, 0)]
 def test_every_budget_as_if_cropped_matched_and_checked_anew(n0, n1, seed):
     features0, features1 = features(n0, n1, seed)
     verified = verify(PAIR, features0, features1, HomographyInliers())
-    counts = verified.inliers_by_budget(50)
-    assert counts.shape == (51,)
     for n in range(51):
         expected, expected_inliers = cropped(features0, features1, n)
         matches, inliers = verified.at(n)
@@ -56,11 +54,11 @@ def test_every_budget_as_if_cropped_matched_and_checked_anew(n0, n1, seed):
         assert {pair for pair, good in zip(pairs, inliers.inlier, strict=True) if good} == expected_inliers
         np.testing.assert_array_equal(inliers.inlier, inliers.reason == Reason.INLIER)
         assert (len(inliers.known0), len(inliers.known1)) == (min(n, n0), min(n, n1))
-        assert counts[n] == len(expected_inliers)
 
 
 def test_a_budget_can_lose_inliers_here():
-    counts = [verify(PAIR, *features(40, 40, seed), HomographyInliers()).inliers_by_budget(40) for seed in range(3)]
+    pairs = [verify(PAIR, *features(40, 40, seed), HomographyInliers()) for seed in range(3)]
+    counts = [[pair.at(n)[1].inlier.sum() for n in range(41)] for pair in pairs]
     assert any((np.diff(c) < 0).any() for c in counts)  # so the comparison above covers matches that break
     assert all(c[40] > 5 for c in counts)
 
@@ -70,7 +68,7 @@ def test_a_budget_can_lose_inliers_here():
 def test_exact_search_finds_the_smallest_budget(k, seed):
     both = features(40, 40, seed)
     enough = [n for n in range(51) if len(cropped(*both, n)[1]) >= k]
-    found = search_points_needed(PAIR, *both, HomographyInliers(), k, 50, "exact")
+    found = verify(PAIR, *both, HomographyInliers(), "exact").points_needed(k, 50)
     assert found == (min(enough) if enough else None)
 
 
@@ -93,16 +91,22 @@ class Dependent:
 def test_a_check_that_needs_all_matches_can_be_searched_by_halving_only():
     both = features(40, 40, 0)
     with pytest.raises(BadInputError, match=r"inliers=five judges all matches .* use search=binary"):
-        search_points_needed(PAIR, *both, Dependent(), 5, 40, "exact")
-    with pytest.raises(BadInputError):
-        verify(PAIR, *both, Dependent())
+        verify(PAIR, *both, Dependent(), "exact")
+    verified = verify(PAIR, *both, Dependent())
+    assert verified.points_needed(5, 40) == verify(PAIR, *both, Dependent(), "binary").points_needed(5, 40)
+    assert verified.at(30)[1].inlier.sum() == len(cropped(*both, 30)[1])
+
+
+def test_an_unknown_search():
+    with pytest.raises(BadInputError, match="search is guess"):
+        verify(PAIR, *features(5, 5, 0), HomographyInliers(), "guess")
 
 
 @pytest.mark.parametrize("k", [2, 5, 6])
 @pytest.mark.parametrize("seed", range(3))
 def test_search_by_halving_ends_where_enough_begins(k, seed):
     both, check = features(40, 40, seed), Dependent()
-    found = search_points_needed(PAIR, *both, check, k, 40, "binary")
+    found = verify(PAIR, *both, check, "binary").points_needed(k, 40)
     assert found is not None
     assert len(cropped(*both, found)[1]) >= max(k, 5)
     assert found == k or len(cropped(*both, found - 1)[1]) < max(k, 5)
@@ -114,5 +118,5 @@ def test_search_by_halving_ends_where_enough_begins(k, seed):
 
 def test_too_few_inliers_at_all():
     both = features(40, 40, 0)
-    assert search_points_needed(PAIR, *both, HomographyInliers(), 41, 60, "exact") is None
-    assert search_points_needed(PAIR, *both, HomographyInliers(), 41, 60, "binary") is None
+    assert verify(PAIR, *both, HomographyInliers(), "exact").points_needed(41, 60) is None
+    assert verify(PAIR, *both, HomographyInliers(), "binary").points_needed(41, 60) is None

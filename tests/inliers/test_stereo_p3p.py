@@ -7,7 +7,7 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.verification import search_points_needed, verify
+from sips_lit.evaluate.verification import verify
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.geometry.projection import sample_depth, transfer
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
@@ -175,13 +175,13 @@ def test_the_search_for_n_k_prepares_once(monkeypatch):
     pair, calls = read_pair(SCENES["stereo"], 0, 2), []
     prepare = StereoP3PInliers.prepare
     monkeypatch.setattr(StereoP3PInliers, "prepare", lambda *args: calls.append(1) or prepare(*args))
-    found = search_points_needed(pair, *features, CHECK, 10, len(points0), "binary")
+    found = verify(pair, *features, CHECK).points_needed(10, len(points0))
     assert found is not None
     assert 10 <= found < len(points0)
     assert len(calls) == 1
     assert right.sum() > 10
     with pytest.raises(BadInputError, match="search=binary"):
-        verify(pair, *features, CHECK)
+        verify(pair, *features, CHECK, "exact")
 
 
 def test_protocol():

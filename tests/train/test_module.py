@@ -173,7 +173,7 @@ def test_validation_verifies_the_points_that_the_network_selects(tmp_path):
     for verified in watch.validated:
         points = SipsDetector(module.network, module.selector).detect(verified.pair.image0, 40)
         np.testing.assert_allclose(verified.features0.keypoints.xy, points.xy, atol=1e-4)
-        assert verified.inliers.inlier.sum() > 0
+        assert verified.at(40)[1].inlier.sum() > 0
 
 
 @pytest.mark.parametrize("scales", [1, 2])
