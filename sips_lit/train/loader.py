@@ -97,7 +97,7 @@ class OneStepAhead:
         with _pool(1) as coordinator, _pool(self.labelling_workers) as workers:
 
             def submit(ahead: Points | None = None) -> tuple[Points, tuple[str, ...], Future[LabelledPair]] | None:
-                packed = next(stream, None)
+                packed = _next(stream)
                 if packed is None:
                     return None
                 item = unpack(packed)
@@ -138,6 +138,14 @@ class OneStepAhead:
         self.position = state["position"]
         self.skipped.load_state_dict(state["skipped"])
         self._ahead = (_from_state(state["ahead"][0]), _from_state(state["ahead"][1])) if state["ahead"] else None
+
+
+def _next(stream: Iterator[Any]) -> Any:
+    """What comes next, None at the end. A worker that is killed while its pixels are fetched fails as any that is killed."""
+    try:
+        return next(stream, None)
+    except (EOFError, ConnectionError) as error:
+        raise RuntimeError("a DataLoader worker that was read from exited unexpectedly") from error
 
 
 def _to_state(points: SelectedPoints) -> dict[str, Tensor]:

@@ -197,3 +197,21 @@ def test_only_images_move_to_the_device(expected):
     assert moved.image1.is_meta
     assert moved.points0 is expected[0].points0
     assert moved.labels1 is expected[0].labels1
+
+
+@pytest.mark.parametrize("error", [EOFError(), ConnectionResetError(104, "reset by peer")])
+def test_a_worker_that_dies_while_it_is_read_from_is_a_lost_worker(error, monkeypatch):
+    class Dying:
+        def __init__(self, *args, **options):
+            pass
+
+        def __iter__(self):
+            return self
+
+        def __next__(self):
+            raise error
+
+    monkeypatch.setattr("sips_lit.train.loader.DataLoader", Dying)
+    learner = Learner()
+    with pytest.raises(RuntimeError, match="DataLoader worker .* exited unexpectedly"):
+        run(loader(learner, 1), learner)
