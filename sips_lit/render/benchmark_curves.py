@@ -36,7 +36,6 @@ def draw_succinctness_curves(
     (axes,) = figure.axes
     axes.plot([0, k, k, n_max], [0, 0, 1, 1], color="0.8", linewidth=4, solid_joinstyle="miter", zorder=1)
     axes.axhline(0.8, color="0.7", linewidth=0.8, linestyle=(0, (6, 4)), zorder=1)
-    axes.annotate(f"k = {k}", (k, 0), xytext=(5, 5), textcoords="offset points", color="0.45", fontsize=9)
     return figure
 
 

@@ -8,14 +8,14 @@ from typing import Final
 
 from sips_lit.render.figure import LINE_COLOURS
 
-CONTROLS: Final = {"random": "0.45", "grid": "0.65"}
-"""Grey levels of the detectors that ignore the image."""
+CONTROLS: Final = {"random": "#666666", "grid": "#9e9e9e"}
+"""Greys of the detectors that ignore the image."""
 _MARKERS: Final = ("", "o", "s", "^", "D")
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """``index`` numbers the detectors of a report; ``colour``, ``line`` (a line style) and ``marker`` as matplotlib has them."""
+    """``index`` numbers the detectors of a report; ``colour``, ``line`` and ``marker`` as matplotlib has them."""
 
     index: int
     colour: str

@@ -40,7 +40,7 @@ def columns_of(rows: Sequence[Summary]) -> list[Column]:
 def text_of(value: float, digits: int) -> str:
     """A value as people read it: ``never`` for what is infinite, a dash for what is undefined."""
     if math.isnan(value):
-        return "–"
+        return "-"
     return "never" if math.isinf(value) else f"{value:.{digits}f}"
 
 

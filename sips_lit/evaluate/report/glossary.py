@@ -29,7 +29,7 @@ _CASES: Final = {
     "pairs without depth": "Without depth there are no correspondences for a pose: the pose is a failure.",
     "fewer than 4 correspondences": "Too few for P3P with RANSAC: no inliers and no pose, a failure.",
     "RANSAC finds nothing": "No inliers and no pose: a failure, with infinite pose errors.",
-    "–": "Undefined, or not measured: pose errors where no true pose is known, calibration of scores that are no "
+    "- (a dash)": "Undefined, or not measured: pose errors where no true pose is known, calibration of scores that are no "
     "probabilities, times of results that were computed earlier. A column without any value is left out.",
 }
 

@@ -69,7 +69,9 @@ def _section(
     parts = [f'<section id="set-{index}"><h2>{escape(result.title)}</h2>']
     if result.detectors:
         pairs = len(result.detectors[0].pairs)
-        parts.append(f'<p class="soft">{pairs} {"pair" if pairs == 1 else "pairs"} of images. A click on a heading sorts.</p>')
+        parts.append(
+            f'<p class="soft">{pairs} {"pair" if pairs == 1 else "pairs"} of images. A click on a heading sorts.</p>'
+        )
         parts.append(table_html(result, looks))
     else:
         parts.append("<p>No detector could be run on this pair set.</p>")
@@ -87,7 +89,7 @@ def _skipped(result: PairSetResult) -> str:
 
 def _charts(index: int, result: PairSetResult, looks: Looks) -> str:
     blocks = [
-        f'<figure{" class=wide" if chart.wide else ""}><h4>{escape(chart.title)}</h4>'
+        f"<figure{' class=wide' if chart.wide else ''}><h4>{escape(chart.title)}</h4>"
         f"{inline_svg(chart.figure, f'set-{index}-{chart.key}', escape(chart.title))}"
         f"<figcaption>{escape(chart.caption)}</figcaption></figure>"
         for chart in charts(result, looks, legend=False)
@@ -102,12 +104,13 @@ def _ticks(result: PairSetResult, looks: Looks) -> str:
     aucs = {detector.name: succinctness(detector, main_k(detector)).auc for detector in result.detectors}
     best_first = sorted(aucs, key=lambda name: -np.nan_to_num(aucs[name], nan=-1))
     boxes = "".join(
-        f'<label><input type="checkbox" checked data-curve="{looks[name].index}"> {swatch(looks[name])}{escape(name)}</label>'
+        f'<label><input type="checkbox" checked data-curve="{looks[name].index}"> '
+        f"{swatch(looks[name])}{escape(name)}</label>"
         for name in best_first
     )
-    few = f' · <button type="button" data-show="{_FEW}">best {_FEW}</button>' if len(aucs) > _FEW else ""
-    buttons = f'<button type="button" data-show="{len(aucs)}">all</button> · <button type="button" data-show="0">none</button>'
-    return f"<fieldset><legend>Show {buttons}{few}</legend>{boxes}</fieldset>"
+    choices = {"all": len(aucs), "none": 0} | ({f"best {_FEW}": _FEW} if len(aucs) > _FEW else {})
+    buttons = [f'<button type="button" data-show="{shown}">{word}</button>' for word, shown in choices.items()]
+    return f"<fieldset><legend>Show {' · '.join(buttons)}</legend>{boxes}</fieldset>"
 
 
 def _pictures(result: PairSetResult, pictures: Mapping[tuple[str, str], Sequence[PairPicture]]) -> str:
@@ -115,7 +118,8 @@ def _pictures(result: PairSetResult, pictures: Mapping[tuple[str, str], Sequence
     for detector in result.detectors:
         drawn = pictures.get((result.key, detector.key), ())
         figures = "".join(
-            f'<figure><img loading="lazy" src="{picture_uri(p.image)}" alt="{escape(p.label)} pair of {escape(detector.name)}">'
+            f'<figure><img loading="lazy" src="{picture_uri(p.image)}" '
+            f'alt="{escape(p.label)} pair of {escape(detector.name)}">'
             f"<figcaption><b>{escape(p.label)}</b>: {escape(p.caption)}</figcaption></figure>"
             for p in drawn
         )
@@ -137,5 +141,6 @@ def _defects(result: PairSetResult) -> str:
         f"<tr><td>{escape(d.name)}</td>" + "".join(f"<td>{d.defects.get(kind, 0)}</td>" for kind in kinds) + "</tr>"
         for d in result.detectors
     )
-    table = f'<div class="scroll"><table><thead><tr><th scope="col">detector</th>{heads}</tr></thead><tbody>{rows}</tbody></table></div>'
+    head = f'<thead><tr><th scope="col">detector</th>{heads}</tr></thead>'
+    table = f'<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>'
     return f"<details><summary>Defects in what the detectors returned</summary>{table}</details>"

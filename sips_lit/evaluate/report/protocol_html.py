@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from sips_lit.evaluate.benchmark_result import DetectorResult, PairSetResult
+from sips_lit.evaluate.benchmark_result import PairSetResult
 from sips_lit.evaluate.report.stored import plain
 from sips_lit.evaluate.report.summary import main_budget, main_k
 
@@ -17,8 +17,7 @@ def protocol_html(result: PairSetResult) -> str:
     """A paragraph, a table of everything that all detectors share, and what is each detector's own."""
     shared = _shared(result)
     words = " ".join(sentence for sentence in _sentences(result, shared))
-    own = [_own(detector, shared) for detector in result.detectors]
-    return f"<p>{escape(words)}</p>\n{definition_table(shared)}\n{''.join(own)}"
+    return f"<p>{escape(words)}</p>\n{definition_table(shared)}\n{_differences(result, shared)}"
 
 
 def definition_table(entries: Mapping[str, Any]) -> str:
@@ -40,11 +39,24 @@ def _shared(result: PairSetResult) -> dict[str, Any]:
     return shared
 
 
-def _own(detector: DetectorResult, shared: Mapping[str, Any]) -> str:
-    own = {k: v for k, v in detector.protocol.items() if k not in shared or plain(shared[k]) != plain(v)}
-    if not own:
+def _differences(result: PairSetResult, shared: Mapping[str, Any]) -> str:
+    """A table of what the protocols of the detectors do not agree on."""
+    own = [
+        (d.name, dict(_flat({k: v for k, v in plain(d.protocol).items() if plain(shared.get(k)) != v})))
+        for d in result.detectors
+    ]
+    keys = list(dict.fromkeys(key for _, entries in own for key in entries))
+    if not keys:
         return ""
-    return f"<details><summary>{escape(detector.name)}</summary>{definition_table(own)}</details>"
+    heads = "".join(f'<th scope="col">{escape(key.replace("_", " "))}</th>' for key in keys)
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td>" + "".join(f"<td>{escape(entries.get(key, '-'))}</td>" for key in keys) + "</tr>"
+        for name, entries in own
+    )
+    table = (
+        f'<table class="plain"><thead><tr><th scope="col">name</th>{heads}</tr></thead><tbody>{rows}</tbody></table>'
+    )
+    return f'<details><summary>What differs between the detectors</summary><div class="scroll">{table}</div></details>'
 
 
 def _sentences(result: PairSetResult, shared: Mapping[str, Any]) -> Iterator[str]:
@@ -55,12 +67,14 @@ def _sentences(result: PairSetResult, shared: Mapping[str, Any]) -> Iterator[str
     overlap = f" with an overlap of at least {shared['overlap']}" if "overlap" in shared else ""
     seed = f", drawn with seed {shared['seed']}" if "seed" in shared else ""
     yield f"{len(first.pairs)} pairs of images{overlap}{seed}, the same for all detectors."
-    yield f"Each detector was asked for its {first.n_max} best points an image or more; n_k is the fewest points with k inliers."
+    yield f"Each detector was asked for its {first.n_max} best points an image or more."
+    yield "n_k is the fewest points an image with k inliers."
     for check in _checks(shared):
         yield "Verification: " + ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in check.items()) + "."
     repeats = first.n_k.shape[1]
     if repeats > 1:
-        yield f"The verification is random and was repeated {repeats} times with other seeds; numbers are means over the repeats."
+        yield f"The verification is random and was repeated {repeats} times with other seeds."
+        yield "Numbers are means over the repeats."
     yield f"Tables and curves are for k = {main_k(first)}"
     n = main_budget(first)
     yield f"and, where points are limited, for the {n} best of each image." if n else "."

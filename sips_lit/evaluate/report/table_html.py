@@ -54,7 +54,7 @@ def _row(name: str, row: Summary, columns: Sequence[Column], best: Sequence[floa
     tag = ' <span class="tag">control</span>' if control else ""
     cells = [f'<td data-value="{escape(name)}">{swatch(look)}{escape(name)}{tag}</td>']
     cells += [_cell(column, row, record, control) for column, record in zip(columns, best, strict=True)]
-    return f'<tr{" class=control" if control else ""}>{"".join(cells)}</tr>'
+    return f"<tr{' class=control' if control else ''}>{''.join(cells)}</tr>"
 
 
 def _cell(column: Column, row: Summary, record: float, control: bool) -> str:

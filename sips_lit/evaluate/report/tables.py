@@ -7,8 +7,10 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sips_lit.atomic import make_folder, write_whole
 from sips_lit.evaluate.benchmark_result import DetectorResult, PairSetResult
@@ -71,7 +73,7 @@ def pair_rows(result: DetectorResult) -> list[list[str]]:
 def wide_rows(result: DetectorResult) -> list[list[str]]:
     """Everything that is known of each pair: n_k and pose errors for every k, and the counts at every budget."""
     table = result.pairs
-    named = {"overlap": table.overlap, "dR": table.rotation, "dt": table.translation}
+    named: dict[str, NDArray[Any]] = {"overlap": table.overlap, "dR": table.rotation, "dt": table.translation}
     named |= {"points0": result.points0, "points1": result.points1}
     for index, k in enumerate(result.ks):
         named[f"n_{k}"] = median_needed(result, k)
