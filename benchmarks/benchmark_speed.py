@@ -16,7 +16,8 @@ import numpy as np
 
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
-from sips_lit.evaluate.benchmark import BenchmarkPairs, extract_all, run_contenders
+from sips_lit.evaluate.benchmark import extract_all, run_contenders
+from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
 from sips_lit.evaluate.contender import Contender
 from sips_lit.evaluate.measure import Measures
 from sips_lit.evaluate.pair_choice import choose_pairs

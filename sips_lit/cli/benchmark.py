@@ -13,7 +13,8 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from sips_lit.cli.app import build, run
 from sips_lit.cli.contenders import make_contenders, parse_entries
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.benchmark import BenchmarkPairs, run_contenders
+from sips_lit.evaluate.benchmark import run_contenders
+from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
 from sips_lit.evaluate.benchmark_pictures import draw_benchmark_pictures
 from sips_lit.evaluate.benchmark_result import PairSetResult
 from sips_lit.evaluate.benchmark_table import protocol_line, table

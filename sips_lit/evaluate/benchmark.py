@@ -13,93 +13,19 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from sips_lit.baselines.checked import Defects
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.benchmark_result import AtBudget, DetectorResult, PairTable
+from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
+from sips_lit.evaluate.benchmark_result import AtBudget, DetectorResult
 from sips_lit.evaluate.contender import Contender
 from sips_lit.evaluate.evaluation import versions
-from sips_lit.evaluate.feature_cache import FeatureCache, ImageFeatures, image_key
-from sips_lit.evaluate.frame_memory import FrameMemory, RememberedSequence
+from sips_lit.evaluate.feature_cache import FeatureCache, ImageFeatures
 from sips_lit.evaluate.judged_pair import measure_pair
 from sips_lit.evaluate.measure import Measures, PairMeasurement
-from sips_lit.evaluate.pair_file import ListedPair
-from sips_lit.frames.source import Source
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
-from sips_lit.tracking.pairs import read_pair
-from sips_lit.types import FramePair, ImageSequence, InlierCheck
-
-
-class BenchmarkPairs:
-    """The pairs of a pair set with the check of each; what is read stays in ``memory`` (of its own, if None is given).
-
-    Raises BadInputError where there are no pairs.
-    """
-
-    def __init__(
-        self,
-        sources: Sequence[Source],
-        listed: Sequence[ListedPair],
-        default: InlierCheck,
-        memory: FrameMemory | None = None,
-    ) -> None:
-        memory = FrameMemory()
-        if not listed:
-            raise BadInputError("the pair set has no pairs: check its data and its kind of pairs")
-        self.listed = list(listed)
-        self.sequences = [RememberedSequence(s, memory) for source in sources for s in source.sequences]
-        self._checks = [source.inliers or default for source in sources for _ in source.sequences]
-        self._keys: dict[tuple[int, int], str] = {}
-
-    def __len__(self) -> int:
-        return len(self.listed)
-
-    def check(self, at: int) -> InlierCheck:
-        """What says which matches of pair ``at`` are inliers."""
-        return self._checks[self.listed[at].sequence]
-
-    def read(self, at: int, depth: bool) -> FramePair:
-        """Pair ``at``; with depth maps or stereo partners only if ``depth``, or if its check needs them."""
-        pair, check = self.listed[at], self.check(at)
-        sequence = self.sequences[pair.sequence]
-        return read_pair(sequence, pair.index0, pair.index1, check.uses_frames, depth or check.uses_depth)
-
-    def frames(self) -> list[tuple[int, int]]:
-        """Each different frame: the position of its sequence, and its index."""
-        ends = [(p.sequence, index) for p in self.listed for index in (p.index0, p.index1)]
-        return sorted(set(ends))
-
-    def key(self, frame: tuple[int, int]) -> str:
-        """A hash of the content of a frame."""
-        if frame not in self._keys:
-            self._keys[frame] = image_key(self.sequences[frame[0]].frame(frame[1]))
-        return self._keys[frame]
-
-    def table(self) -> PairTable:
-        """Names, overlaps and true motions of all pairs."""
-        names, motions = [], []
-        for pair in self.listed:
-            sequence = self.sequences[pair.sequence]
-            names.append(f"{sequence.name}:{pair.index0}-{pair.index1}")
-            motions.append(_motion(sequence, pair.index0, pair.index1))
-        rotation, translation = np.array(motions, np.float64).reshape(-1, 2).T
-        return PairTable(tuple(names), np.array([p.overlap for p in self.listed], np.float64), rotation, translation)
-
-    @property
-    def protocol(self) -> dict[str, Any]:
-        """Which data, and how it is judged."""
-        used = sorted({pair.sequence for pair in self.listed})
-        checks = {id(self._checks[at]): dict(self._checks[at].protocol) for at in used}
-        sizes = sorted({"{1}x{0}".format(*self.sequences[at].frame(0).shape) for at in used})
-        return {
-            "sequences": [self.sequences[at].name for at in used],
-            "image_size": sizes,
-            "pairs": len(self.listed),
-            "verification": list(checks.values()),
-        }
 
 
 def run_contenders(
@@ -244,13 +170,3 @@ def _mean_times(*groups: Sequence[Any]) -> dict[str, float]:
             for stage, milliseconds in stages.items():
                 times[stage].append(milliseconds)
     return {stage: math.fsum(values) / len(values) for stage, values in times.items()}
-
-
-def _motion(sequence: ImageSequence, index0: int, index1: int) -> tuple[float, float]:
-    """Rotation (degrees) and distance (metres) between two frames; NaN where poses are not known."""
-    pose0, pose1 = sequence.pose(index0), sequence.pose(index1)
-    if pose0 is None or pose1 is None:
-        return math.nan, math.nan
-    T: NDArray[np.float64] = np.linalg.inv(pose1) @ pose0
-    cosine = float(np.clip((np.trace(T[:3, :3]) - 1) / 2, -1, 1))
-    return math.degrees(math.acos(cosine)), float(np.linalg.norm(T[:3, 3]))

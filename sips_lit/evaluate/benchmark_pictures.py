@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from sips_lit.detect.detector import SipsDetector
-from sips_lit.evaluate.benchmark import BenchmarkPairs, points_to_extract
+from sips_lit.evaluate.benchmark import points_to_extract
+from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
 from sips_lit.evaluate.benchmark_result import DetectorResult
 from sips_lit.evaluate.contender import Contender
 from sips_lit.evaluate.feature_cache import FeatureCache, image_key
@@ -40,5 +43,8 @@ def _draw(
         return pairs.read(at, depth=False), pairs.check(at)
 
     n = measures.budgets[0] if measures.budgets else measures.n_max
-    score_map = detector.score_map if isinstance(detector, SipsDetector) else None
-    return draw_pair_pictures(result, pair_of, features_of, n, score_map)
+    if not isinstance(detector, SipsDetector):
+        return draw_pair_pictures(result, pair_of, features_of, n)
+    return draw_pair_pictures(
+        result, pair_of, features_of, n, lambda image: detector.score_map(image).astype(np.float64)
+    )

@@ -15,7 +15,8 @@ from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.benchmark import BenchmarkPairs, run_contenders
+from sips_lit.evaluate.benchmark import run_contenders
+from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
 from sips_lit.evaluate.benchmark_pictures import draw_benchmark_pictures
 from sips_lit.evaluate.benchmark_result import PairSetResult
 from sips_lit.evaluate.benchmark_table import protocol_line, table
