@@ -37,7 +37,8 @@ def train(config: DictConfig) -> float:
     trainer: L.Trainer = build(
         config.trainer, callbacks=callbacks, logger=build(config.logger), val_check_interval=interval
     )
-    print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
+    if trainer.is_global_zero:
+        print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
     log_settings(trainer, config)
     trainer.fit(module, data, ckpt_path=ckpt_path)
     best, auc = _best(trainer)

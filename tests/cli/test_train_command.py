@@ -6,15 +6,11 @@ import re
 import signal
 import time
 
-import cv2
 import numpy as np
 import pytest
 import torch
 from cli_runs import TINY, Process, write_frames
 from textured_scenes import flight, texture
-
-from sips_lit.errors import BadInputError
-from sips_lit.frames.folder import FolderSequence
 
 
 def given(frames, *more: str) -> list[str]:
@@ -139,52 +135,9 @@ def test_too_few_frames_to_validate(command, tmp_path):
     assert "too short to keep 30% of each for validation" in command("train", *given(few)).sentence
 
 
-def test_a_damaged_image_in_the_middle_is_left_out(command, tmp_path):
-    folder = write_frames(tmp_path / "frames", flight(16, size=(96, 80)).frames)
-    (folder / "005.png").write_bytes((folder / "005.png").read_bytes()[:200])
-    result = command("train", *given(folder))
-    assert result.code == 0, result.err
-    warned = [line for line in result.err.splitlines() if line.startswith("warning: ")]
-    assert len(warned) == 1
-    assert "frames of the training data can't be read and are left out (1)" in warned[0]
-    assert f"{folder}/005.png is not an image" in warned[0]
-
-
-@pytest.mark.parametrize("loading", [0, 1])
-def test_pairs_that_turn_out_damaged_are_left_out_and_counted(command, tmp_path, loading, monkeypatch):
-    folder = write_frames(tmp_path / "frames", flight(16, size=(96, 80)).frames)
-    read = FolderSequence.frame
-
-    def from_now_on(sequence, index):
-        if index == 5:
-            raise BadInputError("005.png is damaged")
-        return read(sequence, index)
-
-    assert command("index", "data=folder", f"data.path={folder}").code == 0
-    monkeypatch.setattr(FolderSequence, "frame", from_now_on)
-    result = command("train", *given(folder, f"datamodule.loading_workers={loading}", "trainer.max_steps=12"))
-    assert result.code == 0, result.err
-    warned = [line for line in result.err.splitlines() if line.startswith("warning: ")]
-    assert warned[0] == "warning: a training pair is left out, and others may be: 005.png is damaged"
-    assert re.fullmatch(r"warning: \d+ training pairs were left out; the first: 005\.png is damaged", warned[1])
-
-
 def test_frames_that_do_not_overlap(command, tmp_path):
     cuts = write_frames(tmp_path / "cuts", [texture(80, 96, seed) for seed in range(16)])
     assert "no two frames of cuts_0to11 overlap" in command("train", *given(cuts)).sentence
-
-
-def test_images_of_several_sizes_in_one_folder(command, tmp_path):
-    frames = flight(16, size=(96, 80)).frames
-    folder = write_frames(tmp_path / "mixed", [*frames[:7], cv2.resize(frames[7], (60, 50)), *frames[8:]])
-    result = command("train", *given(folder))
-    assert result.code == 0, result.err
-    assert "007.png is 60x50" in result.err
-    half = write_frames(tmp_path / "half", [*frames[:8], *(cv2.resize(frame, (60, 50)) for frame in frames[8:])])
-    assert "half of the frames of half can't be read; the first of them: " in (
-        sentence := command("train", *given(half)).sentence
-    )
-    assert "008.png is 60x50" in sentence
 
 
 def test_other_files_beside_images(command, tmp_path):
@@ -283,3 +236,18 @@ def test_a_sweep_side_by_side(command, frames, folders, monkeypatch):
 def test_a_scene_without_texture(command, tmp_path):
     grey = write_frames(tmp_path / "grey", [np.full((60, 80), 90, np.uint8)] * 16)
     assert "overlap" in command("train", *given(grey)).sentence
+
+
+@pytest.mark.slow
+def test_two_processes_are_one_run(process, frames, folders):
+    run = folders / "outputs" / "run"
+    two = "trainer.devices=2", "trainer.strategy=ddp", f"hydra.run.dir={run}", "trainer.max_steps=3"
+    code, out = ended(process("train", *given(frames, *two)), 90)
+    assert code == 0, out
+    assert "Traceback" not in out
+    assert [path.parent.parent for path in (folders / "outputs").rglob("last.ckpt")] == [run]
+    events = [path.suffixes for path in (folders / "outputs").rglob("events.out.tfevents*")]
+    assert len({process for *_, process, _ in events}) == 1
+    assert torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == 3
+    assert out.count("run folder: ") == 1
+    assert out.count("best validation AUC") == 1

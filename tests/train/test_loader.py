@@ -213,5 +213,5 @@ def test_a_worker_that_dies_while_it_is_read_from_is_a_lost_worker(error, monkey
 
     monkeypatch.setattr("sips_lit.train.loader.DataLoader", Dying)
     learner = Learner()
-    with pytest.raises(RuntimeError, match="DataLoader worker .* exited unexpectedly"):
+    with pytest.raises(RuntimeError, match=r"DataLoader worker .* exited unexpectedly"):
         run(loader(learner, 1), learner)
