@@ -23,6 +23,7 @@ from textured_scenes import texture
 from tum_mono_files import write_sequence
 
 from sips_lit.cli.app import CONF_DIR, build, register_resolvers
+from sips_lit.frames.source import as_sources
 
 GROUPS = {
     "train": ["model", "inliers", "descriptor", "augment", "optim", "callbacks", "logger", "trainer", "paths"],
@@ -31,6 +32,10 @@ GROUPS = {
 }
 EXTRAS = {"descriptor/surf": "mahotas", "detector/surf": "mahotas"}
 LEARNED = {"aliked", "disk", "keynet", "superpoint", "xfeat"}
+MIXTURES = {
+    "mixed": {"video": "video", "driving": "kitti", "drone": "euroc", "indoor": "rgbd", "planes": "hpatches"},
+    "robotics": {"tum_mono": "tum_mono", "robotcar": "robotcar"},
+}
 DEMO = {"demo", "demo_val", "hpatches_flights", "released"}
 
 
@@ -89,6 +94,12 @@ def files_of(name: str, tmp_path: Path) -> list[str]:
 
 def sources_of(name: str, tmp_path: Path) -> list[str]:
     """Arguments that give a data configuration something to read."""
+    if name in MIXTURES:
+        parts = ((part, sources_of(kind, tmp_path / part)) for part, kind in MIXTURES[name].items())
+        return [
+            a.replace("data.", f"data.sources.{part}.sequences.", 1) for part, arguments in parts for a in arguments
+        ]
+    tmp_path.mkdir(exist_ok=True)
     if name in ("folder", "virtual_flight"):
         for i in range(3):
             cv2.imwrite(str(tmp_path / f"{i}.png"), texture(200, 260, i))
@@ -129,9 +140,10 @@ def test_every_data_set_opens(name, tmp_path):
     config = composed(
         "train", f"data={name}", "paths.run=x", f"paths.data={tmp_path}/data", *sources_of(name, tmp_path)
     )
-    sequences = build(config.data)
-    assert sequences
-    assert sequences[0].frame(0).ndim == 2
+    sources = as_sources(build(config.data))
+    assert len(sources) == len(MIXTURES.get(name, [name]))
+    for source in sources:
+        assert source.sequences[0].frame(0).ndim == 2
 
 
 def test_validation_data_in_its_own_place():
@@ -155,7 +167,8 @@ def test_every_benchmark_composes(name, tmp_path):
 
 @pytest.mark.parametrize("name", sorted(set(names("experiment")) - set(BENCHMARKS)))
 def test_every_experiment_composes(name, tmp_path):
-    config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}")
+    given = [f"data.sources.{part}.sequences.path=x" for part in MIXTURES["robotics"]] if name == "paper" else []
+    config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}", *given)
     OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     for entry in (config.compare or {}).get("detectors", {}).values():
         build(entry.detector)
