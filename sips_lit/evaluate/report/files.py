@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
+from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
 from sips_lit.atomic import make_folder, write_whole
@@ -19,9 +20,11 @@ from sips_lit.evaluate.report.page import report_page
 from sips_lit.evaluate.report.pair_pictures import PairPicture
 from sips_lit.evaluate.report.stored import store_results
 from sips_lit.evaluate.report.tables import write_tables
-from sips_lit.evaluate.report.tensorboard import log_to_tensorboard
+from sips_lit.evaluate.report.tensorboard import log_numbers
 from sips_lit.frames.folder import safe_name
+from sips_lit.render.canvas import Picture
 from sips_lit.render.detector_looks import detector_looks
+from sips_lit.render.figure import figure_to_array
 
 PairPictures = Mapping[tuple[str, str], Sequence[PairPicture]]
 """By the keys of pair set and detector."""
@@ -45,10 +48,11 @@ def write_report(
     numbers, page = folder / "results.json", folder / "report.html"
     store_results(numbers, results)
     written = [numbers, *write_tables(folder, results), *_write_pictures(folder / "pictures", pictures)]
-    written += _write_figures(folder / "figures", results, looks)
+    with SummaryWriter(str(folder / "tensorboard")) as writer:
+        log_numbers(writer, results)
+        written += _write_figures(folder / "figures", results, looks, writer)
     html = report_page(results, pictures, looks, date, describe_machine() if machine is None else machine)
     write_whole(page, html.encode())
-    log_to_tensorboard(folder / "tensorboard", results, looks)
     return [page, *written, folder / "tensorboard"]
 
 
@@ -62,15 +66,18 @@ def _with_different_names(result: PairSetResult) -> PairSetResult:
     return replace(result, detectors=detectors)
 
 
-def _write_figures(folder: Path, results: Sequence[PairSetResult], looks: Looks) -> list[Path]:
+def _write_figures(folder: Path, results: Sequence[PairSetResult], looks: Looks, writer: SummaryWriter) -> list[Path]:
+    """``<set>_<figure>.png`` and ``.svg``, and ``benchmark/<set>/<figure>`` in TensorBoard."""
     written = []
     for result in tqdm(results, desc="figures", unit="pair set", delay=2, leave=False):
         for chart in charts(result, looks):
             make_folder(folder)
             stem = folder / f"{safe_name(result.key)}_{chart.key}"
-            chart.figure.savefig(stem.with_suffix(".png"))
-            write_whole(stem.with_suffix(".svg"), svg_of(chart.figure).encode())
-            written += [stem.with_suffix(".png"), stem.with_suffix(".svg")]
+            picture = figure_to_array(chart.figure)
+            chart.figure.set_layout_engine("none")  # it is laid out now; doing it anew for the SVG would take as long
+            written += [_write_png(stem.with_suffix(".png"), picture), stem.with_suffix(".svg")]
+            write_whole(written[-1], svg_of(chart.figure).encode())
+            writer.add_image(f"benchmark/{result.key}/{chart.key}", picture, dataformats="HWC")
     return written
 
 
@@ -83,7 +90,10 @@ def _write_pictures(folder: Path, pictures: PairPictures) -> list[Path]:
                 continue
             make_folder(folder / safe_name(pair_set))
             path = folder / safe_name(pair_set) / f"{safe_name(detector)}_{safe_name(picture.label)}.png"
-            png = cv2.imencode(".png", cv2.cvtColor(picture.image, cv2.COLOR_RGB2BGR))[1]
-            write_whole(path, png.tobytes())
-            written.append(path)
+            written.append(_write_png(path, picture.image))
     return written
+
+
+def _write_png(path: Path, picture: Picture) -> Path:
+    write_whole(path, cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes())
+    return path

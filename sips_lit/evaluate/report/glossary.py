@@ -26,9 +26,11 @@ _CASES: Final = {
     "failure": "A pair that does not have k inliers at any n up to n_max has an infinite n_k. “never” in a table means "
     "that the wanted fraction of pairs never gets there.",
     "unknown truth": "A match whose true position is not known (no depth there, say) is neither inlier nor outlier.",
-    "pairs without depth": "Without depth there are no correspondences for a pose: the pose is a failure.",
-    "fewer than 4 correspondences": "Too few for P3P with RANSAC: no inliers and no pose, a failure.",
-    "RANSAC finds nothing": "No inliers and no pose: a failure, with infinite pose errors.",
+    "pairs without depth": "Where neither depth maps nor stereo partners exist, there are no pose errors; "
+    "verification by P3P finds no inliers there.",
+    "fewer than 4 correspondences": "Too few for P3P with RANSAC: no pose, an infinite error. "
+    "Verification by P3P finds no inliers then.",
+    "RANSAC finds nothing": "As with fewer than 4 correspondences.",
     "- (a dash)": "Undefined, or not measured: pose errors where no true pose is known, calibration of scores that are no "
     "probabilities, times of results that were computed earlier. A column without any value is left out.",
 }
