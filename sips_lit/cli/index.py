@@ -18,7 +18,7 @@ from sips_lit.tracking.index_summary import ShareSummary
 
 SAVE_EVERY = 30.0  # seconds between two summaries of a run that goes on
 SHOWN = 40  # lines of a table that a terminal can show
-VIDEO = "sips_lit.frames.video.video"
+VIDEO, MIXTURE = "sips_lit.frames.video.video", "sips_lit.frames.source.mixture"
 
 
 def index(config: DictConfig) -> None:
@@ -51,7 +51,11 @@ def index(config: DictConfig) -> None:
 
 
 def recordings(data: DictConfig) -> list[Recording]:
-    """The parts of a data set: videos as files, so that none is decoded before its turn; else sequences."""
+    """The parts of a data set, or of all those of a mixture: videos as files, so that none is decoded before its turn;
+    else sequences.
+    """
+    if data.get("_target_") == MIXTURE:
+        return [part for source in data.sources.values() if source is not None for part in recordings(source.sequences)]
     if data.get("_target_") == VIDEO:
         files = build(data, _target_=f"{VIDEO}_files")
         return [Recording(str(video.file), video.shots) for video in files]

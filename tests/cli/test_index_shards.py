@@ -5,8 +5,10 @@ from pathlib import Path
 
 import cv2
 import pytest
+from omegaconf import OmegaConf
 from textured_scenes import flight
 
+from sips_lit.cli.index import recordings
 from sips_lit.tracking.index_summary import COLUMNS
 
 SHARDS = "shard=1/2,2/2"
@@ -108,6 +110,20 @@ def test_shares_of_sequences(command, folders, tmp_path):
     result = command("index", "data=folder", f"data.path={tmp_path}/all", "shard=2/2")
     assert result.code == 0, result.err
     assert [line.split()[1] for line in result.out.splitlines() if line.startswith("| all")] == ["all_b"]
+
+
+def test_the_videos_of_a_mixture_are_decoded_in_their_turn(folders, videos):
+    still = folders / "still.png"
+    cv2.imwrite(str(still), flight(1, size=(200, 160)).frames[0])
+    video = {"_target_": "sips_lit.frames.video.video", "path": str(videos / "*.avi"), "cache_dir": str(folders / "f")}
+    flights = {"_target_": "sips_lit.frames.virtual_flight.virtual_flight", "path": str(still), "flights_per_still": 2}
+    sources = {"a": {"sequences": video}, "none": None, "b": {"sequences": flights}}
+    parts = recordings(OmegaConf.create({"_target_": "sips_lit.frames.source.mixture", "sources": sources}))
+    assert [part.where for part in parts] == [
+        f"{videos}/a.avi", f"{videos}/d.avi", f"{still}:still_flight0", f"{still}:still_flight1"
+    ]  # fmt: skip
+    assert not (folders / "f").exists()
+    assert [len(sequence) for part in parts for sequence in part.open()] == [4, 7, 80, 80]
 
 
 def test_many_sequences_are_a_line_of_totals(command, videos, monkeypatch):
