@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import pytest
@@ -60,3 +61,14 @@ def test_nothing_is_decoded_before_it_is_asked_for(videos, tmp_path):
     eager = video(videos / "**" / "*.avi", tmp_path / "cache")
     assert (eager[1].name, eager[1].fingerprint) == (shot.name, shot.fingerprint)
     assert [shot.name for shot in eager] == [file.name for file in files]
+
+
+def test_many_videos_keep_no_file_open(videos, tmp_path):
+    shots = video(videos / "**" / "*.avi", tmp_path / "cache")
+    for shot in shots:
+        shot.frame(1)
+    opened = Path("/proc/self/fd")
+    if not opened.is_dir():
+        pytest.skip("only Linux tells which files are open")
+    assert not [fd for fd in opened.iterdir() if "frames.u8" in os.path.realpath(fd)]
+    assert "frames.u8" not in Path("/proc/self/maps").read_text()
