@@ -48,7 +48,7 @@ def draw_against_k(
 ) -> Figure:
     """A value in [0, 1] of each detector by name for each k, (K,); best mean first."""
     order = np.argsort(ks)
-    means = {name: np.nan_to_num(value, nan=-1).mean() for name, value in values.items()}
+    means = {name: known.mean() if (known := value[~np.isnan(value)]).size else -1 for name, value in values.items()}
     best_first = sorted(values, key=lambda name: -means[name])
     return draw_comparison(
         {name: (np.asarray(ks)[order], values[name][order]) for name in best_first},

@@ -53,7 +53,7 @@ class Pose:
 
 def of(judge, pose=None, probabilities=False, pair=PAIR, **options):
     m = Measures(ks=(1, 2), n_max=10, budgets=(3, 4), repeats=2, calibration=(2, 4), pose_inliers=2, **options)
-    return measure(pair, POINTS0, POINTS1, judge, pose, m, probabilities)
+    return measure(pair, POINTS0, POINTS1, judge, pose, m, StereoMatcher(), probabilities)
 
 
 JUDGE = Known({(1, 0): 1, (2, 0): 3, (1, 1): 2})
@@ -88,7 +88,7 @@ def test_at_a_budget():
 
 def test_a_pose_needs_inliers_at_a_budget():
     m = Measures(ks=(1,), n_max=10, budgets=(4,), repeats=2, pose_inliers=3)
-    measured = measure(PAIR, POINTS0, POINTS1, JUDGE, Pose(), m, False)
+    measured = measure(PAIR, POINTS0, POINTS1, JUDGE, Pose(), m, StereoMatcher())
     assert np.isinf(measured.budgets[4].rotation_error).all()
     np.testing.assert_array_equal(measured.rotation_error, [[1], [2]])
 
