@@ -13,11 +13,12 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from sips_lit.cli.app import build, run
 from sips_lit.cli.contenders import make_contenders, parse_entries
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.benchmark import run_contenders
+from sips_lit.evaluate.benchmark import has_probabilities, run_contenders
 from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
 from sips_lit.evaluate.benchmark_pictures import draw_benchmark_pictures
 from sips_lit.evaluate.benchmark_result import PairSetResult
 from sips_lit.evaluate.benchmark_table import protocol_line, table
+from sips_lit.evaluate.contender import Contender
 from sips_lit.evaluate.frame_memory import FrameMemory
 from sips_lit.evaluate.measure import Measures
 from sips_lit.evaluate.pair_choice import choose_pairs
@@ -27,6 +28,7 @@ from sips_lit.evaluate.report.pair_pictures import PairPicture
 from sips_lit.evaluate.report.summary import summary
 from sips_lit.frames.folder import safe_name
 from sips_lit.frames.source import as_sources
+from sips_lit.render.score_video import write_score_video
 
 CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
 """Keys that say how pairs are chosen."""
@@ -53,19 +55,35 @@ def benchmark(config: DictConfig) -> float | None:
     skipped: dict[str, str] = {}
     contenders = make_contenders(config, entries, _told(skipped))
     results: list[PairSetResult] = []
+    videos: list[Path] = []
     pictures: dict[tuple[str, str], Sequence[PairPicture]] = {}
     for pair_set in make_pair_sets(config, folder):
         pairs, measures, left_out = pair_set.pairs, pair_set.measures, dict(skipped)
         measured = run_contenders(contenders, pairs, measures, cache, config.workers, pair_set.title, _told(left_out))
         protocol = {**pairs.protocol, **pair_set.chosen}
+        videos += write_videos(folder / safe_name(pair_set.key), contenders, pairs, measures, config.video_frames)
         results.append(PairSetResult(pair_set.key, pair_set.title, protocol, tuple(measured), left_out))
         print(f"\n{pair_set.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1], measures)}")
         if config.pictures:
             drawn = draw_benchmark_pictures(measured, contenders, pairs, measures, cache)
             pictures |= {(pair_set.key, key): of_detector for key, of_detector in drawn.items()}
-    written = write_report(folder, results, pictures)
+    written = write_report(folder, results, pictures) + videos
     print("\nwrote:\n" + "\n".join(f"  {path}" for path in written))
     return best_auc(results)
+
+
+def write_videos(
+    folder: Path, contenders: Sequence[Contender], pairs: BenchmarkPairs, measures: Measures, frames: int
+) -> list[Path]:
+    """A video of the first sequence by each different SIPs detector: score map and best points of every frame on its own."""
+    written: dict[int, Path] = {}
+    n = measures.budgets[0] if measures.budgets else measures.n_max
+    for contender in contenders if frames > 0 else ():
+        if has_probabilities(contender) and id(contender.detector) not in written:
+            path = folder / f"{contender.key}_scores.mp4"
+            write_score_video(path, pairs.sequences[0], contender.detector, n, frames)
+            written[id(contender.detector)] = path
+    return list(written.values())
 
 
 def _told(skipped: dict[str, str]) -> Callable[[str, str], None]:

@@ -16,6 +16,7 @@ import torch
 from tqdm import tqdm
 
 from sips_lit.baselines.checked import Defects
+from sips_lit.baselines.precomputed import PrecomputedDetector
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
@@ -23,7 +24,7 @@ from sips_lit.evaluate.benchmark_result import AtBudget, DetectorResult
 from sips_lit.evaluate.contender import Contender
 from sips_lit.evaluate.evaluation import versions
 from sips_lit.evaluate.feature_cache import FeatureCache, ImageFeatures
-from sips_lit.evaluate.judged_pair import measure_pair
+from sips_lit.evaluate.judged_pair import measure_pair, with_memory
 from sips_lit.evaluate.measure import Measures, PairMeasurement
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
 
@@ -53,7 +54,7 @@ def run_contenders(
         except BadInputError as error:
             on_skip(contender.key, str(error))
             continue
-        measured = measure_all(pairs, features, measures, has_probabilities(contender), workers, label)
+        measured = measure_all(contender, pairs, features, measures, workers, label)
         results.append(summarise(contender, pairs, measures, features, measured, n))
     return results
 
@@ -61,6 +62,11 @@ def run_contenders(
 def has_probabilities(contender: Contender) -> bool:
     """Whether the scores are probabilities of being an inlier."""
     return isinstance(contender.detector, SipsDetector)
+
+
+def has_scores(contender: Contender) -> bool:
+    """Whether the points have an order: those that other programs saved may have none."""
+    return not isinstance(contender.detector, PrecomputedDetector) or contender.detector.scored
 
 
 def points_to_extract(contender: Contender, measures: Measures) -> int:
@@ -81,19 +87,23 @@ def extract_all(
 
 
 def measure_all(
+    contender: Contender,
     pairs: BenchmarkPairs,
     features: Mapping[tuple[int, int], ImageFeatures],
     measures: Measures,
-    probabilities: bool,
     workers: int,
     title: str,
 ) -> list[PairMeasurement]:
     """Each pair measured, in order."""
+    kinds = has_probabilities(contender), has_scores(contender)
+    # a frame and its points are in several pairs, and asked for their depth several times in each
+    checks = {id(check): with_memory(check) for check in map(pairs.check, range(len(pairs)))}
 
     def one(at: int) -> PairMeasurement:
         pair = pairs.listed[at]
         features0, features1 = (features[pair.sequence, index].features for index in (pair.index0, pair.index1))
-        return measure_pair(pairs.read(at, depth=True), features0, features1, pairs.check(at), measures, probabilities)
+        check = checks[id(pairs.check(at))]
+        return measure_pair(pairs.read(at, depth=True), features0, features1, check, measures, *kinds)
 
     pool = ThreadPoolExecutor(max(1, workers))
     try:

@@ -11,6 +11,9 @@ from sips_lit.errors import BadInputError
 from sips_lit.evaluate.judge import ExactJudge, Judge, SearchingJudge
 from sips_lit.evaluate.measure import Measures, PairMeasurement, measure
 from sips_lit.evaluate.pair_pose import for_repeat, pair_pose
+from sips_lit.geometry.remembered_stereo import remembering
+from sips_lit.geometry.stereo import StereoMatcher
+from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.match.mutual_nearest import MutualLifetimes, distances, mutual_nearest_lifetimes
 from sips_lit.types import Features, FramePair, InlierCheck
@@ -23,8 +26,9 @@ def measure_pair(
     check: InlierCheck,
     m: Measures,
     probabilities: bool = False,
+    scored: bool = True,
 ) -> PairMeasurement:
-    """Matches, verifies and measures a pair.
+    """Matches, verifies and measures a pair. ``probabilities`` and ``scored``: as in `measure`.
 
     Raises BadInputError for a pair that the check can't judge.
     """
@@ -36,12 +40,24 @@ def measure_pair(
     pose = None
     if m.pose:
         with _timed(milliseconds, "depth"):
-            estimator = StereoP3PInliers(m.pose_threshold, m.iterations, m.seed)
+            estimator = StereoP3PInliers(m.pose_threshold, m.iterations, m.seed, stereo_of(check))
             pose = pair_pose(pair, features0.keypoints, features1.keypoints, estimator)
-    measured = measure(pair, features0, features1, judge, pose, m, probabilities)
+    measured = measure(pair, features0, features1, judge, pose, m, stereo_of(check), probabilities, scored)
     for stage, elapsed in measured.milliseconds.items():
         milliseconds[stage] = milliseconds.get(stage, 0) + elapsed
     return replace(measured, milliseconds=milliseconds)
+
+
+def stereo_of(check: InlierCheck) -> StereoMatcher:
+    """The check's way to find depth by stereo, or the usual one if it has none."""
+    return check.stereo if isinstance(check, StereoP3PInliers | PoseDepthInliers) else StereoMatcher()
+
+
+def with_memory(check: InlierCheck) -> InlierCheck:
+    """The same check, but that finds the depth of the same points by stereo only once."""
+    if isinstance(check, StereoP3PInliers | PoseDepthInliers):
+        return replace(check, stereo=remembering(check.stereo))
+    return check
 
 
 def make_judge(

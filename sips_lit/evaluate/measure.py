@@ -6,6 +6,7 @@ What is odd is defined here, once:
 - A pose error is NaN where nobody knows the true pose, or neither depth maps nor stereo partners exist. It is infinite
   where there is no n_k, where fewer than four matches have a depth, where P3P with RANSAC finds nothing, and, at a budget,
   where the pose has fewer than ``pose_inliers`` inliers.
+- Points without scores have no order: n_k is their number if all of them give k inliers, else infinite.
 - Repeatability and matching score are NaN where points can't be transferred (see `sips_lit.metrics.repeatability`).
 """
 
@@ -24,7 +25,7 @@ from sips_lit.evaluate.judge import Judge, Verdict
 from sips_lit.evaluate.pair_pose import PairPose
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.point_labels import point_labels
-from sips_lit.metrics.repeatability import Repeated, move_points, repeated
+from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
 from sips_lit.metrics.spread import spread
 from sips_lit.types import Features, FramePair, Matches
 
@@ -103,26 +104,36 @@ def measure(
     judge: Judge,
     pose: PairPose | None,
     m: Measures,
-    probabilities: bool,
+    stereo: StereoMatcher,
+    probabilities: bool = False,
+    scored: bool = True,
 ) -> PairMeasurement:
     """Measures a pair by its judge. ``pose`` estimates poses (None: they are not measured).
 
-    ``probabilities``: whether the scores are probabilities of being an inlier, to be calibrated.
+    ``stereo`` finds depth where there are no maps; ``probabilities``: whether the scores are probabilities of being an
+    inlier, to be calibrated; ``scored``: whether there are scores at all, or the order of the points means nothing.
     """
     begin = time.perf_counter()
     shape = judge.repeats, len(m.ks)
     n_k, rotation, translation = np.full(shape, math.inf), np.full(shape, math.nan), np.full(shape, math.nan)
     for repeat in range(judge.repeats):
         for column, k in enumerate(m.ks):
-            needed = judge.needed(k, m.n_max, repeat)
+            needed = judge.needed(k, m.n_max, repeat) if scored else _all_of(features0, features1, judge, k, repeat)
             n_k[repeat, column] = math.inf if needed is None else needed
     verified = time.perf_counter()
     if pose is not None:
         rotation, translation = _errors_at(n_k, judge, pose)
-    budgets = {n: _at_budget(pair, features0, features1, judge, pose, n, m) for n in m.budgets}
+    moved = move_points(pair, features0.keypoints.xy, features1.keypoints.xy, stereo)
+    budgets = {n: _at_budget(pair, features0, features1, judge, pose, moved, n, m) for n in m.budgets}
     outcomes = {n: _outcomes(features0, features1, judge.at(n, 0), n) for n in m.calibration} if probabilities else {}
     elapsed = {"verify": 1e3 * (verified - begin), "metrics": 1e3 * (time.perf_counter() - verified)}
     return PairMeasurement(n_k, rotation, translation, budgets, outcomes, elapsed)
+
+
+def _all_of(features0: Features, features1: Features, judge: Judge, k: int, repeat: int) -> int | None:
+    """n_k of points without an order: all of them, if these have ``k`` inliers."""
+    n = max(len(features0), len(features1))
+    return n if judge.at(n, repeat).count >= k else None
 
 
 def _errors_at(n_k: FloatArray, judge: Judge, pose: PairPose) -> tuple[FloatArray, FloatArray]:
@@ -141,6 +152,7 @@ def _at_budget(
     features1: Features,
     judge: Judge,
     pose: PairPose | None,
+    moved: tuple[MovedPoints, MovedPoints] | None,
     n: int,
     m: Measures,
 ) -> BudgetMeasurement:
@@ -156,15 +168,22 @@ def _at_budget(
         inliers=np.array([verdict.count for verdict in verdicts], np.int64),
         rotation_error=errors[:, 0],
         translation_error=errors[:, 1],
-        repeated=_repeated(pair, features0.best(n), features1.best(n), first.matches, m.threshold),
+        repeated=_repeated(features0.best(n), features1.best(n), moved, first.matches, m.threshold),
         spread=spread(xy0[inlier0], (pair.image0.shape[1], pair.image0.shape[0]), m.cells),
     )
 
 
-def _repeated(pair: FramePair, best0: Features, best1: Features, matches: Matches, threshold: float) -> Repeated:
-    xy0, xy1 = best0.keypoints.xy, best1.keypoints.xy
-    moved = move_points(pair, xy0, xy1, StereoMatcher())
-    return Repeated(math.nan, math.nan) if moved is None else repeated(xy0, xy1, *moved, matches, threshold)
+def _repeated(
+    best0: Features,
+    best1: Features,
+    moved: tuple[MovedPoints, MovedPoints] | None,
+    matches: Matches,
+    threshold: float,
+) -> Repeated:
+    if moved is None:
+        return Repeated(math.nan, math.nan)
+    best = moved[0].best(len(best0)), moved[1].best(len(best1))
+    return repeated(best0.keypoints.xy, best1.keypoints.xy, *best, matches, threshold)
 
 
 def _outcomes(

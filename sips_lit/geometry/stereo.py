@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import cv2
@@ -43,7 +43,7 @@ class StereoMatcher:
     @property
     def parameters(self) -> Mapping[str, Any]:
         """What a disparity depends on."""
-        return asdict(self)
+        return {f.name: getattr(self, f.name) for f in fields(StereoMatcher)}
 
     def disparity(
         self, image: GreyImage, partner: GreyImage, xy: FloatArray, to_the_right: bool = True

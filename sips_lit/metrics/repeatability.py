@@ -38,6 +38,10 @@ class MovedPoints:
     known: NDArray[np.bool_]
     visible: NDArray[np.bool_]
 
+    def best(self, n: int) -> MovedPoints:
+        """The first ``n``."""
+        return MovedPoints(self.xy[:n], self.known[:n], self.visible[:n])
+
 
 @dataclass(frozen=True, slots=True)
 class Repeated:

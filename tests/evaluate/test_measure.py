@@ -9,6 +9,7 @@ from textured_scenes import keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.judge import Verdict
 from sips_lit.evaluate.measure import Measures, measure
+from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.types import Features, FramePair, Inliers, Matches, Reason
 
 IMAGE = np.zeros((80, 160), np.uint8)  # cells of the 8 x 8 grid are 20 x 10 pixels
@@ -61,6 +62,12 @@ JUDGE = Known({(1, 0): 1, (2, 0): 3, (1, 1): 2})
 
 def test_points_needed():
     np.testing.assert_array_equal(of(JUDGE).n_k, [[1, 3], [2, math.inf]])
+
+
+def test_points_without_scores_are_all_or_nothing():
+    m = Measures(ks=(1, 2, 3), n_max=10, budgets=(), repeats=2)
+    measured = measure(PAIR, POINTS0, POINTS1, JUDGE, None, m, StereoMatcher(), scored=False)
+    np.testing.assert_array_equal(measured.n_k, [[4, 4, math.inf], [4, math.inf, math.inf]])
 
 
 def test_poses_at_n_k():
