@@ -36,7 +36,9 @@ def needed(folder) -> dict[str, list[str]]:
 
 
 def test_many_detectors(benchmark, folders, checkpoint):
-    result = benchmark("detectors=[sips,sift,superpoint,random]", f"checkpoint={checkpoint}", "pictures=true")
+    result = benchmark(
+        "detectors=[sips,sift,superpoint,random]", f"checkpoint={checkpoint}", "pictures=true", "video_frames=2"
+    )
     assert result.code == 0, result.err
     for name in ("SIPs + RootSIFT", "| SIFT ", "SIFT + RootSIFT", "random + RootSIFT"):
         assert name in result.out
@@ -52,6 +54,7 @@ def test_many_detectors(benchmark, folders, checkpoint):
     json.loads((run / "results.json").read_text())
     assert str(run / "report.html") in result.out.split("wrote:\n")[1]
     assert list((run / "pictures" / "data").glob("sips_rootsift_*.png"))
+    assert cv2.VideoCapture(str(run / "data" / "sips_rootsift_scores.mp4")).get(cv2.CAP_PROP_FRAME_COUNT) == 2
 
 
 def test_the_same_again_from_kept_features_and_listed_pairs(benchmark, folders):
