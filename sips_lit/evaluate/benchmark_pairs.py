@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.benchmark_result import PairTable
@@ -15,6 +14,7 @@ from sips_lit.evaluate.feature_cache import image_key
 from sips_lit.evaluate.frame_memory import FrameMemory, RememberedSequence
 from sips_lit.evaluate.pair_file import ListedPair
 from sips_lit.frames.source import Source
+from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.tracking.pairs import read_pair
 from sips_lit.types import FramePair, ImageSequence, InlierCheck
 
@@ -32,13 +32,14 @@ class BenchmarkPairs:
         default: InlierCheck,
         memory: FrameMemory | None = None,
     ) -> None:
-        memory = FrameMemory()
+        memory = memory or FrameMemory()
         if not listed:
             raise BadInputError("the pair set has no pairs: check its data and its kind of pairs")
         self.listed = list(listed)
         self.sequences = [RememberedSequence(s, memory) for source in sources for s in source.sequences]
         self._checks = [source.inliers or default for source in sources for _ in source.sequences]
         self._keys: dict[tuple[int, int], str] = {}
+        self._sizes: set[tuple[int, ...]] = set()
 
     def __len__(self) -> int:
         return len(self.listed)
@@ -61,7 +62,9 @@ class BenchmarkPairs:
     def key(self, frame: tuple[int, int]) -> str:
         """A hash of the content of a frame."""
         if frame not in self._keys:
-            self._keys[frame] = image_key(self.sequences[frame[0]].frame(frame[1]))
+            image = self.sequences[frame[0]].frame(frame[1])
+            self._keys[frame] = image_key(image)
+            self._sizes.add(image.shape)
         return self._keys[frame]
 
     def table(self) -> PairTable:
@@ -79,10 +82,11 @@ class BenchmarkPairs:
         """Which data, and how it is judged."""
         used = sorted({pair.sequence for pair in self.listed})
         checks = {id(self._checks[at]): dict(self._checks[at].protocol) for at in used}
-        sizes = sorted({"{1}x{0}".format(*self.sequences[at].frame(0).shape) for at in used})
+        for frame in self.frames():
+            self.key(frame)
         return {
             "sequences": [self.sequences[at].name for at in used],
-            "image_size": sizes,
+            "image_size": sorted("{1}x{0}".format(*shape) for shape in self._sizes),
             "pairs": len(self.listed),
             "verification": list(checks.values()),
         }
@@ -93,6 +97,5 @@ def _motion(sequence: ImageSequence, index0: int, index1: int) -> tuple[float, f
     pose0, pose1 = sequence.pose(index0), sequence.pose(index1)
     if pose0 is None or pose1 is None:
         return math.nan, math.nan
-    T: NDArray[np.float64] = np.linalg.inv(pose1) @ pose0
-    cosine = float(np.clip((np.trace(T[:3, :3]) - 1) / 2, -1, 1))
-    return math.degrees(math.acos(cosine)), float(np.linalg.norm(T[:3, 3]))
+    T_1_0, same = np.linalg.inv(pose1) @ pose0, np.eye(4)
+    return rotation_error(T_1_0, same), translation_error(T_1_0, same)

@@ -44,7 +44,7 @@ class RememberedSequence(ImageSequence):
 
     def __init__(self, whole: ImageSequence, memory: FrameMemory) -> None:
         self.whole, self.memory = whole, memory
-        self.name, self.fingerprint = whole.name, whole.fingerprint
+        self.name, self.fingerprint, self.temporal = whole.name, whole.fingerprint, whole.temporal
 
     def __len__(self) -> int:
         return len(self.whole)

@@ -7,9 +7,11 @@ from wall_scene import Wall
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
 from sips_lit.evaluate.feature_cache import image_key
+from sips_lit.evaluate.frame_memory import FrameMemory
 from sips_lit.evaluate.pair_file import ListedPair
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 
 
@@ -18,7 +20,7 @@ def test_true_motions():
         [Source([Wall(6)])], [ListedPair(0, 0, 2, 0.9), ListedPair(0, 4, 1, math.nan)], PoseDepthInliers()
     )
     table = pairs.table()
-    np.testing.assert_allclose(table.rotation, 0, atol=1e-6)
+    np.testing.assert_allclose(table.rotation, 0, atol=1e-12)
     np.testing.assert_allclose(table.translation, [math.hypot(1.6, 0.8), math.hypot(2.4, 1.2)], rtol=1e-9)
     assert table.name == ("wall:0-2", "wall:4-1")
     unknown = BenchmarkPairs([Source([Wall(6, poses=False)])], [ListedPair(0, 0, 2, 0.9)], PoseDepthInliers()).table()
@@ -46,6 +48,29 @@ def test_frames_and_their_keys():
     assert (pair.index0, pair.index1) == (4, 1)
     assert len(pair.frames) == 2  # nothing between: the check needs none
     assert pair.geometry.depth0 is not None  # the check needs it
+
+
+def test_sizes_of_the_frames_that_are_used():
+    wall = Wall(3)
+    whole = wall.frame
+    wall.frame = lambda index: whole(index)[: 120 - 10 * index]
+    protocol = BenchmarkPairs([Source([wall])], [ListedPair(0, 1, 2, 1)], PoseDepthInliers()).protocol
+    assert protocol["image_size"] == ["160x100", "160x110"]
+
+
+def test_pair_sets_share_a_memory():
+    wall, memory = Wall(6), FrameMemory()
+    for _ in range(2):
+        BenchmarkPairs([Source([wall])], [ListedPair(0, 0, 2, 1)], PoseDepthInliers(), memory).read(0, depth=False)
+    assert wall.reads == 2
+
+
+def test_images_in_no_order_are_not_tracked_through():
+    wall = Wall(3)
+    wall.temporal = False
+    pairs = BenchmarkPairs([Source([wall])], [ListedPair(0, 0, 2, 1)], KltInliers())
+    with pytest.raises(BadInputError, match="in no order"):
+        pairs.read(0, depth=False)
 
 
 def test_no_pairs():

@@ -22,6 +22,9 @@ def test_everything_is_passed_on():
     assert sequence.baseline() == 1.6
     assert sequence.time(0) is None
     assert sequence.homography(0, 1) is None
+    assert sequence.temporal
+    wall.temporal = False
+    assert not RememberedSequence(wall, FrameMemory()).temporal
     np.testing.assert_array_equal(sequence.pose(2), wall.pose(2))
     np.testing.assert_array_equal(sequence.depth(1), wall.depth(1))
     np.testing.assert_array_equal(sequence.right(1), wall.right(1))
