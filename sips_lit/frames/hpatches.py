@@ -29,20 +29,21 @@ LAYOUT = (
 IMAGES = range(1, 7)
 SUFFIXES = (".ppm", ".png")
 PREFIX = {"viewpoint": "v_", "illumination": "i_"}
+TYPICAL = (800, 640)  # (W, H) of an image
 LARGEST_CONDITION = 1e6  # of a homography between unit squares
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One image as it is read: ``file``, resized from ``stored`` to ``size`` (both (W, H)).
+    """One image as it is read: ``file``, resized from ``stored`` to ``size`` (both (W, H), None if it can't be read).
 
     ``from_first`` (3, 3) maps pixels of image 1, as stored, to pixels of this view.
     """
 
     name: str
     file: Path
-    stored: tuple[int, int]
-    size: tuple[int, int]
+    stored: tuple[int, int] | None
+    size: tuple[int, int] | None
     from_first: FloatArray
 
 
@@ -51,7 +52,8 @@ class HPatchesSequence(ImageSequence):
 
     ``max_side``: images whose longer side exceeds it (pixels) are shrunk; ``synthetic_scales``: for each factor a copy of
     every image, relative to that. Homographies follow exactly. What is resized is kept in ``cache_dir``, if given.
-    Raises BadInputError for a missing file, and a homography that can't be one.
+    Raises BadInputError for a missing file, and a homography that can't be one; an image that is damaged is told when it is
+    asked for.
     """
 
     temporal = False
@@ -68,7 +70,7 @@ class HPatchesSequence(ImageSequence):
         homographies = [expect(folder / f"H_1_{number}", LAYOUT) for number in IMAGES[1:]]
         self.fingerprint = files_fingerprint([*files, *homographies], max_side, tuple(synthetic_scales))
         self._kept = image_cache(cache_dir, self.name, self.fingerprint)
-        stored = [image_size(file) for file in files]
+        stored = [_stored_size(file) for file in files]
         planes = [np.eye(3)] + [
             _read_homography(file, stored[0], size) for file, size in zip(homographies, stored[1:], strict=True)
         ]
@@ -84,21 +86,25 @@ class HPatchesSequence(ImageSequence):
     def frame(self, index: int) -> GreyImage:
         """View ``index``. Raises BadInputError when it can't be read."""
         view = self.views[index]
-        return read_grey(view.file) if view.size == view.stored else self._kept(view.name, lambda: _resized(view))
+        size = view.size
+        if size is None or size == view.stored:  # without a size it can't be read, and that is what reading says
+            return read_grey(view.file)
+        return self._kept(view.name, lambda: _resized(view.file, size))
 
     def frame_name(self, index: int) -> str:
         """Such as v_churchill_1, and v_churchill_1_x0.5 for a copy."""
         return self.views[index].name
 
     def homography(self, index0: int, index1: int) -> NDArray[np.float64]:
-        """(3, 3) float64 from pixels of one view to pixels of another."""
+        """(3, 3) float64 from pixels of one view to pixels of another, if both can be read."""
         H: NDArray[np.float64] = self.views[index1].from_first @ np.linalg.inv(self.views[index0].from_first)
         return H
 
 
-def _resized(view: View) -> GreyImage:
-    method = cv2.INTER_AREA if max(view.size) < max(view.stored) else cv2.INTER_CUBIC
-    return np.asarray(cv2.resize(read_grey(view.file), view.size, interpolation=method), np.uint8)
+def _resized(file: Path, size: tuple[int, int]) -> GreyImage:
+    image = read_grey(file)
+    method = cv2.INTER_AREA if max(size) < max(image.shape) else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(image, size, interpolation=method), np.uint8)
 
 
 def hpatches(
@@ -158,6 +164,14 @@ def _image(folder: Path, number: int) -> Path:
     raise wrong_layout(f"{folder / str(number)}.ppm", folder, LAYOUT)
 
 
+def _stored_size(file: Path) -> tuple[int, int] | None:
+    """The size (W, H) of an image; None if it is so damaged that it tells none."""
+    try:
+        return image_size(file)
+    except BadInputError:
+        return None
+
+
 def _check_scales(scales: Sequence[float]) -> None:
     if any(not 0.1 <= scale <= 4 or scale == 1 for scale in scales) or len(set(scales)) < len(scales):
         raise BadInputError(
@@ -166,24 +180,29 @@ def _check_scales(scales: Sequence[float]) -> None:
 
 
 def _view(
-    name: str, file: Path, stored: tuple[int, int], plane: FloatArray, max_side: int | None, scale: float | None
+    name: str, file: Path, stored: tuple[int, int] | None, plane: FloatArray, max_side: int | None, scale: float | None
 ) -> View:
+    name = name if scale is None else f"{name}_x{scale:g}"
+    if stored is None:
+        return View(name, file, None, None, plane)
     size = shrunk_size(stored, max_side)
     if scale is not None:
         size = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
-        name = f"{name}_x{scale:g}"
     return View(name, file, stored, size, resize_map(stored, size) @ plane)
 
 
-def _read_homography(file: Path, size0: tuple[int, int], size1: tuple[int, int]) -> NDArray[np.float64]:
-    """Image 1 to image i, as stored, with pixel centres at integers. Raises BadInputError for one that can't be true."""
+def _read_homography(file: Path, size0: tuple[int, int] | None, size1: tuple[int, int] | None) -> NDArray[np.float64]:
+    """Image 1 to image i, as stored, with pixel centres at integers. Raises BadInputError for one that can't be true.
+
+    Sizes are (W, H); where one is None, that image can't be read, and whether the homography leads into it is not checked.
+    """
     H = read_table(file, 3)
     if H.shape != (3, 3):
         raise BadInputError(f"{file} has {len(H)} rows of numbers: a homography has 3 rows of 3")
-    to_unit = [np.diag([1 / size[0], 1 / size[1], 1]) for size in (size0, size1)]
+    to_unit = [np.diag([1 / size[0], 1 / size[1], 1]) for size in (size0 or TYPICAL, size1 or TYPICAL)]
     if not np.linalg.cond(to_unit[1] @ H @ np.linalg.inv(to_unit[0])) < LARGEST_CONDITION:
         raise BadInputError(f"the homography in {file} is singular: download the file again")
-    if not (_sees(H, size0, size1) or _sees(np.linalg.inv(H), size1, size0)):
+    if size0 and size1 and not (_sees(H, size0, size1) or _sees(np.linalg.inv(H), size1, size0)):
         raise BadInputError(
             f"the homography in {file} maps nothing of image 1 into the other image: the file is damaged or of another "
             "sequence; download it again"

@@ -51,7 +51,8 @@ class OverlapIndex:
 
     Row i of the table is ``survivors[offsets[i]:offsets[i + 1]]``: how many of the ``points[i]`` points of frame i are still
     tracked in frames i + 1, i + 2, ...; it never grows along a row, unless the order of the frames means nothing.
-    ``unreadable`` tells of each frame that can't be read, why: it has no points, and no row goes on beyond it.
+    ``unreadable`` tells of each frame that can't be read, why: it has no points, and no row goes on beyond it where
+    frames have an order.
     """
 
     survivors: NDArray[np.uint16]
@@ -92,8 +93,7 @@ def measure_overlap(
 ) -> OverlapIndex:
     """Index of a sequence: by KLT in one pass over its frames, or by geometry where it knows its homographies.
 
-    A frame that can't be read is a break in the sequence. Raises BadInputError when at least half of them can't, or when
-    geometry needs the size of one that can't.
+    A frame that can't be read is a break in the sequence. Raises BadInputError when at least half of them can't.
 
     Only two frames are held at a time; what grows with the video is the index itself, by at most 2 ``max_span`` bytes a
     frame.
@@ -115,7 +115,7 @@ def measure_overlap(
             return None
 
     for index, point_count, finished in (
-        _map_all(sequence, parameters) if planar else _track_all(len(sequence), read, parameters)
+        _map_all(sequence, read, parameters) if planar else _track_all(len(sequence), read, parameters)
     ):
         points[index] = point_count
         rows += [np.array(row, np.uint16) for row in finished]
@@ -130,16 +130,18 @@ def _as_index(
     return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points, unreadable)
 
 
-def _map_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator[tuple[int, int, list[list[int]]]]:
+def _map_all(
+    sequence: ImageSequence, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
+) -> Iterator[tuple[int, int, list[list[int]]]]:
     """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view.
 
-    Where the order of the frames means nothing a point need not be in view in the frames between.
+    Where the order of the frames means nothing a point need not be in view in the frames between, and none is in view in a
+    frame that can't be read.
     """
-    spacing = parameters.spacing
-    sizes = [sequence.frame(i).shape[::-1] for i in range(1 if sequence.temporal else len(sequence))]
-    sizes = sizes * len(sequence) if sequence.temporal else sizes  # the frames of a moving camera have one size
-    for index, (width, height) in enumerate(sizes):
+    spacing, sizes = parameters.spacing, _sizes(sequence, read)
+    for index, size in enumerate(sizes):
         row: list[int] = []
+        width, height = size or (0, 0)
         grid = np.mgrid[spacing // 2 : width : spacing, spacing // 2 : height : spacing].reshape(2, -1).T
         seen = grid.astype(np.float64)
         for later in range(index + 1, min(len(sequence), index + 1 + parameters.max_span)):
@@ -147,13 +149,27 @@ def _map_all(sequence: ImageSequence, parameters: OverlapParameters) -> Iterator
             assert H is not None
             with np.errstate(invalid="ignore"):
                 moved = apply_homography(H, seen)
-                inside = ((moved >= 0) & (moved <= np.array(sizes[later]) - 1)).all(1)
+                inside = ((moved >= 0) & (moved <= np.array(sizes[later] or (0, 0)) - 1)).all(1)
             if sequence.temporal:
                 seen = seen[inside]
                 if not len(seen):
                     break
             row.append(int(inside.sum()))
         yield index, len(grid), [row]
+
+
+def _sizes(sequence: ImageSequence, read: Callable[[int], GreyImage | None]) -> list[tuple[int, ...] | None]:
+    """The size (W, H) of each frame, None where it can't be read.
+
+    The frames of a moving camera have one size, that of the first that can be read; the others are not looked at.
+    """
+    sizes: list[tuple[int, ...] | None] = []
+    for index in range(len(sequence)):
+        image = read(index)
+        sizes.append(None if image is None else image.shape[::-1])
+        if sequence.temporal and image is not None:
+            return sizes + sizes[-1:] * (len(sequence) - len(sizes))
+    return sizes
 
 
 def _track_all(

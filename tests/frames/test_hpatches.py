@@ -10,6 +10,7 @@ from sips_lit.frames.images import read_grey
 from sips_lit.frames.split_lists import split_names
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.tracking.overlap import OverlapParameters, measure_overlap
 from sips_lit.tracking.pairs import read_pair
 from sips_lit.types import Matches
 
@@ -201,13 +202,25 @@ def test_scales_that_make_no_sense(root, scales):
         hpatches(root, synthetic_scales=scales)
 
 
-def test_a_truncated_image(tmp_path):
+@pytest.mark.parametrize("number", [1, 3])
+@pytest.mark.parametrize("length", [0, 5, 500])  # nothing, half a header, half an image
+@pytest.mark.parametrize("scales", [(), (0.5,)])
+def test_a_truncated_image_is_left_out_of_the_pairs(tmp_path, number, length, scales):
+    write_sequence(tmp_path, "v_whole")
     write_sequence(tmp_path)
-    file = tmp_path / "v_made" / "2.ppm"
-    file.write_bytes(file.read_bytes()[:500])
-    (sequence,) = hpatches(tmp_path)
-    with pytest.raises(BadInputError, match=r"2\.ppm"):
-        sequence.frame(1)
+    file = tmp_path / "v_made" / f"{number}.ppm"
+    file.write_bytes(file.read_bytes()[:length])
+    damaged, whole = hpatches(tmp_path, synthetic_scales=scales)
+    bad = list(range(number - 1, len(damaged), 6))
+    for index in bad:
+        with pytest.raises(BadInputError, match=rf"{number}\.ppm is not an image"):
+            damaged.frame(index)
+    np.testing.assert_allclose(damaged.homography(1, 4), whole.homography(1, 4), rtol=1e-9, atol=1e-9)
+    index, undamaged = (measure_overlap(sequence, OverlapParameters()) for sequence in (damaged, whole))
+    assert list(index.unreadable) == bad
+    for frame in range(len(damaged)):
+        partners = undamaged.partners(frame, 0.3)
+        assert index.partners(frame, 0.3).tolist() == [p for p in partners if frame not in bad and p not in bad]
 
 
 @pytest.mark.shared_data

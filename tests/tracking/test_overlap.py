@@ -243,6 +243,32 @@ def test_an_unreadable_frame_is_a_break(bad):
         assert rows[i] == []
 
 
+@pytest.mark.parametrize("bad", [(0,), (2,), (0, 2)])
+def test_an_unreadable_view_is_in_no_pair(bad):
+    whole = views(*[(10 * i, 5 * i, 160, 120) for i in range(5)])
+
+    class DamagedViews(Damaged):
+        temporal = False
+
+    damaged = DamagedViews(whole.frames, "views", whole.to_frame)
+    damaged.bad = bad
+    index, undamaged = (measure_overlap(sequence, OverlapParameters()) for sequence in (damaged, whole))
+    assert index.unreadable == {i: f"{i}.png is damaged" for i in bad}
+    for i in range(5):
+        expected = [] if i in bad else [j for j in undamaged.partners(i, 0.3) if j not in bad]
+        assert index.partners(i, 0.3).tolist() == expected
+
+
+def test_the_size_of_a_planar_flight_is_that_of_a_frame_that_can_be_read():
+    whole = flight(6)
+    damaged = Damaged(whole.frames, "flight", whole.to_frame)
+    damaged.bad = (0, 1)
+    index, undamaged = (measure_overlap(sequence, OverlapParameters()) for sequence in (damaged, whole))
+    assert list(index.unreadable) == [0, 1]
+    assert not index.reach(0.3)[:2].any()
+    assert rows_of(index)[2:] == rows_of(undamaged)[2:]
+
+
 def test_half_of_the_frames_unreadable_is_too_many():
     damaged = Damaged(film(8).frames, "walk")
     damaged.bad = (1, 3, 6)
