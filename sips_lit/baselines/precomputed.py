@@ -22,7 +22,7 @@ class PrecomputedDetector:
 
     All images below ``images`` that have features are read once, at the start. An image must be given as it is in its
     file (grey, full size). Files without scores (LF-Net's) are in an order that says nothing: ``scored`` is false then,
-    and only budgets that equal the files' own counts mean anything.
+    and only all points of an image can be had.
     """
 
     def __init__(self, features: str | Path, images: str | Path, name: str = "precomputed") -> None:
@@ -54,11 +54,14 @@ class PrecomputedDetector:
         self.scored, self.describes = first.score is not None, first.descriptors is not None
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
-        """At most ``n`` points, best first; in the order of the file where it has no scores."""
+        """At most ``n`` points, best first; all of them in the order of the file where it has no scores.
+
+        Raises BadInputError for an image of which nothing is saved, and for more than ``n`` points without scores.
+        """
         return self._look_up(image, n)[0]
 
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
-        """At most ``n`` features, best first. Raises TypeError where the files have no descriptors."""
+        """As `detect`. Raises TypeError where the files have no descriptors."""
         if not self.describes:
             raise TypeError(f"{self.name} has no descriptors: detect, then describe the points.")
         keypoints, rows, saved = self._look_up(image, n)
@@ -82,6 +85,11 @@ class PrecomputedDetector:
                 f"the features of {name} have other parts than those of the first image: write them again"
             )
         count = len(saved.xy)
+        if saved.score is None and count > n:
+            raise BadInputError(
+                f"the features of {name} are {count} points without scores, of which nobody knows the {n} best: ask for "
+                f"all (n_max={count}), or save at most {n}"
+            )
         score = 1 / np.arange(1, count + 1) if saved.score is None else saved.score
         scale = np.ones(count) if saved.scale is None else saved.scale
         rows = ranked(saved.xy, np.asarray(score, np.float32), n)

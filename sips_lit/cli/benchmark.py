@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def benchmark(config: DictConfig) -> float | None:
         if config.pictures:
             drawn = draw_benchmark_pictures(measured, contenders, pairs, measures, cache)
             pictures |= {(pair_set.key, key): of_detector for key, of_detector in drawn.items()}
-    written = write_report(folder, results, pictures) + videos
+    written = write_report(folder, results, pictures, date.today().isoformat()) + videos
     print("\nwrote:\n" + "\n".join(f"  {path}" for path in written))
     return best_auc(results)
 
@@ -128,8 +129,12 @@ def _pair_set(config: DictConfig, key: str, entry: DictConfig, folder: Path, mem
     data, inliers = build(value("data")), build(value("inliers"))
     sources = as_sources(data)
     listed = choose_pairs(sources, config.paths.indexes, **choice, workers=config.workers)
-    pairs = BenchmarkPairs(sources, listed, inliers, memory)
+    pairs = BenchmarkPairs(sources, listed, inliers, memory).judgeable()
     write_pair_file(folder / safe_name(key) / "pairs.csv", pairs.sequences, listed)
+    if pairs.left_out:
+        print(
+            f"{key}: left out {len(pairs.left_out)} pairs whose depth or pose is not known: {', '.join(pairs.left_out)}"
+        )
     return PairSet(key, str(entry.get("title", key)), pairs, measures, _in_words(choice))
 
 

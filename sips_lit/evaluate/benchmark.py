@@ -16,14 +16,14 @@ import torch
 from tqdm import tqdm
 
 from sips_lit.baselines.checked import Defects
-from sips_lit.baselines.precomputed import PrecomputedDetector
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
-from sips_lit.evaluate.benchmark_result import AtBudget, DetectorResult
+from sips_lit.evaluate.benchmark_result import NO_SCORES, AtBudget, DetectorResult
 from sips_lit.evaluate.contender import Contender
 from sips_lit.evaluate.evaluation import versions
 from sips_lit.evaluate.feature_cache import FeatureCache, ImageFeatures
+from sips_lit.evaluate.features import has_scores
 from sips_lit.evaluate.judged_pair import measure_pair, with_memory
 from sips_lit.evaluate.measure import Measures, PairMeasurement
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
@@ -64,9 +64,11 @@ def has_probabilities(contender: Contender) -> bool:
     return isinstance(contender.detector, SipsDetector)
 
 
-def has_scores(contender: Contender) -> bool:
-    """Whether the points have an order: those that other programs saved may have none."""
-    return not isinstance(contender.detector, PrecomputedDetector) or contender.detector.scored
+def kind_of_scores(contender: Contender) -> str:
+    """In a word, for the protocol: probability, order, or none (see `NO_SCORES`)."""
+    if has_probabilities(contender):
+        return "probability"
+    return "order" if has_scores(contender.detector) else NO_SCORES
 
 
 def points_to_extract(contender: Contender, measures: Measures) -> int:
@@ -95,7 +97,7 @@ def measure_all(
     title: str,
 ) -> list[PairMeasurement]:
     """Each pair measured, in order."""
-    kinds = has_probabilities(contender), has_scores(contender)
+    kinds = has_probabilities(contender), has_scores(contender.detector)
     # a frame and its points are in several pairs, and asked for their depth several times in each
     checks = {id(check): with_memory(check) for check in map(pairs.check, range(len(pairs)))}
 
@@ -131,6 +133,7 @@ def summarise(
         protocol={
             "detector": contender.detector.name,
             "descriptor": "own" if contender.descriptor is None else contender.descriptor.name,
+            "scores": kind_of_scores(contender),
             "extracted": n,
             **{key: list(value) if isinstance(value, tuple) else value for key, value in asdict(measures).items()},
             **pairs.protocol,
@@ -144,7 +147,7 @@ def summarise(
         translation_error=np.stack([m.translation_error for m in measured]),
         points0=np.minimum(points0, measures.n_max),
         points1=np.minimum(points1, measures.n_max),
-        budgets={n: _at_budget(measured, n) for n in measures.budgets},
+        budgets={n: _at_budget(measured, n) for n in measures.budgets if all(n in m.budgets for m in measured)},
         calibration={n: _calibration(measured, n) for n in measures.calibration if n in measured[0].outcomes},
         milliseconds=_mean_times([e.milliseconds for e in features.values()], [m.milliseconds for m in measured]),
         defects=asdict(defects),
@@ -159,6 +162,7 @@ def _at_budget(measured: Sequence[PairMeasurement], n: int) -> AtBudget:
         inliers=np.stack([b.inliers for b in each]),
         rotation_error=np.stack([b.rotation_error for b in each]),
         translation_error=np.stack([b.translation_error for b in each]),
+        outcome=np.stack([b.outcome for b in each]),
         repeatability=np.array([b.repeated.repeatability for b in each]),
         matching_score=np.array([b.repeated.matching_score for b in each]),
         spread=np.array([b.spread for b in each]),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.benchmark_result import PairTable
@@ -14,9 +16,10 @@ from sips_lit.evaluate.feature_cache import image_key
 from sips_lit.evaluate.frame_memory import FrameMemory, RememberedSequence
 from sips_lit.evaluate.pair_file import ListedPair
 from sips_lit.frames.source import Source
+from sips_lit.geometry.point_depth import View, views
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.tracking.pairs import read_pair
-from sips_lit.types import FramePair, ImageSequence, InlierCheck
+from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Matches
 
 
 class BenchmarkPairs:
@@ -36,6 +39,7 @@ class BenchmarkPairs:
         if not listed:
             raise BadInputError("the pair set has no pairs: check its data and its kind of pairs")
         self.listed = list(listed)
+        self.left_out: list[str] = []
         self.sequences = [RememberedSequence(s, memory) for source in sources for s in source.sequences]
         self._checks = [source.inliers or default for source in sources for _ in source.sequences]
         self._keys: dict[tuple[int, int], str] = {}
@@ -72,10 +76,41 @@ class BenchmarkPairs:
         names, motions = [], []
         for pair in self.listed:
             sequence = self.sequences[pair.sequence]
-            names.append(f"{sequence.name}:{pair.index0}-{pair.index1}")
+            names.append(self._name(pair))
             motions.append(_motion(sequence, pair.index0, pair.index1))
         rotation, translation = np.array(motions, np.float64).reshape(-1, 2).T
         return PairTable(tuple(names), np.array([p.overlap for p in self.listed], np.float64), rotation, translation)
+
+    def judgeable(self) -> BenchmarkPairs:
+        """The pairs without those whose depth or pose their check misses: they say nothing of any detector.
+
+        ``left_out`` names the others. Raises BadInputError where none is left.
+        """
+        bar = tqdm(range(len(self)), "depth", unit="pair", delay=2, leave=False)
+        complaints = [self._complaint(at) for at in bar]
+        if all(complaints):
+            raise BadInputError(f"no pair can be judged, as {complaints[0]}")
+        judgeable = copy.copy(self)
+        judgeable.listed = [pair for pair, why in zip(self.listed, complaints, strict=True) if why is None]
+        judgeable.left_out = [self._name(pair) for pair, why in zip(self.listed, complaints, strict=True) if why]
+        return judgeable
+
+    def _complaint(self, at: int) -> str | None:
+        """Why pair ``at`` can't be judged with the depth of its images; None if it can."""
+        check = self.check(at)
+        if not check.uses_depth:
+            return None
+        pair, no_index = self.read(at, depth=True), np.zeros(0, np.int64)
+        try:
+            check(pair, Keypoints.empty(), Keypoints.empty(), Matches(no_index, no_index))
+        except BadInputError as error:
+            return str(error)
+        if not any(map(_tells_depth, views(pair) or ())):
+            return f"{pair.name} has depth maps without any depth in them: choose another source of inliers"
+        return None
+
+    def _name(self, pair: ListedPair) -> str:
+        return f"{self.sequences[pair.sequence].name}:{pair.index0}-{pair.index1}"
 
     @property
     def protocol(self) -> dict[str, Any]:
@@ -89,7 +124,15 @@ class BenchmarkPairs:
             "image_size": sorted("{1}x{0}".format(*shape) for shape in self._sizes),
             "pairs": len(self.listed),
             "verification": list(checks.values()),
+            **({"left_out": self.left_out} if self.left_out else {}),
         }
+
+
+def _tells_depth(view: View) -> bool:
+    """Whether the depth of any point may be known: a map may hold nothing."""
+    if view.depth is not None:
+        return bool((np.isfinite(view.depth) & (view.depth > 0)).any())
+    return view.has_depth
 
 
 def _motion(sequence: ImageSequence, index0: int, index1: int) -> tuple[float, float]:

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from sips_lit.metrics.calibration import CalibrationResult
 
+NO_SCORES = "none"
+"""What a protocol says under ``scores`` of points without an order: all of an image are judged, or nothing."""
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -40,7 +42,8 @@ class PairTable:
 class AtBudget:
     """What the ``n`` best points of both images gave, for each pair.
 
-    ``matches`` (P,), ``inliers`` and pose errors ``rotation_error`` (degrees) and ``translation_error`` (metres) (P, R);
+    ``matches`` (P,), ``inliers`` and pose errors ``rotation_error`` (degrees) and ``translation_error`` (metres) (P, R),
+    ``outcome`` (P, R) of the pose (`sips_lit.evaluate.pair_pose.PoseOutcome`);
     ``repeatability``, ``matching_score`` and ``spread`` (fraction of the cells of a grid that hold an inlier) (P,).
     """
 
@@ -49,6 +52,7 @@ class AtBudget:
     inliers: IntArray
     rotation_error: FloatArray
     translation_error: FloatArray
+    outcome: IntArray
     repeatability: FloatArray
     matching_score: FloatArray
     spread: FloatArray

@@ -8,7 +8,7 @@ from tabulate import tabulate
 
 from sips_lit.evaluate.benchmark_result import PairSetResult
 from sips_lit.evaluate.measure import Measures
-from sips_lit.evaluate.report.columns import columns_of, text_of
+from sips_lit.evaluate.report.columns import OWN_N, columns_of, text_of
 from sips_lit.evaluate.report.summary import summary
 
 
@@ -17,7 +17,7 @@ def table(result: PairSetResult) -> str:
     summaries = [(detector.name, summary(detector)) for detector in result.detectors]
     columns = [column for column in columns_of([s for _, s in summaries]) if not column.key.endswith("_ms")]
     rows = [
-        [name, *(text_of(column.value(s), column.digits) for column in columns)]
+        [name if s.scored else f"{name} ({OWN_N})", *(text_of(column.value(s), column.digits) for column in columns)]
         for name, s in sorted(summaries, key=lambda named: -named[1].auc)
     ]
     headers = ["detector", *(column.title for column in columns)]

@@ -14,7 +14,9 @@ from tqdm import tqdm
 
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.features import extract
+from sips_lit.evaluate.benchmark_result import NO_SCORES
+from sips_lit.evaluate.features import extract, has_scores
+from sips_lit.evaluate.judge import all_or_none
 from sips_lit.evaluate.pairs import PairSet
 from sips_lit.evaluate.verification import Search, VerifiedPair, verify
 from sips_lit.inliers.point_labels import point_labels
@@ -77,12 +79,13 @@ def evaluate(
     if not 1 <= k < n_max:
         raise BadInputError(f"k is {k} and n_max is {n_max}: ask for at least one inlier, within more points than that")
     name = name or detector.name + ("" if descriptor is None else f" + {descriptor.name}")
-    features_of = FeatureCache(detector, descriptor, n_max)
+    features_of, scored = FeatureCache(detector, descriptor, n_max), has_scores(detector)
     succinctness, calibration, rows = Succinctness(k, n_max), Calibration(), []
     for pair, check in tqdm(pairs, desc=name, unit="pair", delay=2, leave=False):
         features = features_of(pair.image0), features_of(pair.image1)
         verified = verify(pair, *features, check, search)
-        n_k = verified.points_needed(k, n_max)
+        points = max(map(len, features))
+        n_k = verified.points_needed(k, n_max) if scored else all_or_none(verified.judge, points, k, 0)
         if isinstance(detector, SipsDetector):
             add_to_calibration(calibration, verified, n_max)
         rows.append(_row(verified, n_k, n_max))
@@ -90,6 +93,7 @@ def evaluate(
     protocol = {
         "detector": detector.name,
         "descriptor": "own" if descriptor is None else descriptor.name,
+        "scores": "order" if scored else NO_SCORES,
         "k": k,
         "n_max": n_max,
         "search": search_used(search, pairs),

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from sips_lit.baselines.precomputed import PrecomputedDetector
 from sips_lit.errors import BadInputError
 from sips_lit.types import Descriptor, Detector, Features, GreyImage
+
+
+def has_scores(detector: Detector) -> bool:
+    """Whether the points have an order: those that other programs saved may have none."""
+    return not isinstance(detector, PrecomputedDetector) or detector.scored
 
 
 def extract(detector: Detector, descriptor: Descriptor | None, image: GreyImage, n: int) -> Features:

@@ -50,6 +50,11 @@ class Judge(Protocol):
         ...
 
 
+def all_or_none(judge: Judge, n: int, k: int, repeat: int) -> int | None:
+    """n_k of ``n`` points without an order: all of them, if these have ``k`` inliers."""
+    return n if judge.at(n, repeat).count >= k else None
+
+
 @dataclass(frozen=True)
 class ExactJudge:
     """One verification of all matches that exist at any budget, ``lifetimes``, by a check that is independent."""

@@ -6,7 +6,8 @@ What is odd is defined here, once:
 - A pose error is NaN where nobody knows the true pose, or neither depth maps nor stereo partners exist. It is infinite
   where there is no n_k, where fewer than four matches have a depth, where P3P with RANSAC finds nothing, and, at a budget,
   where the pose has fewer than ``pose_inliers`` inliers.
-- Points without scores have no order: n_k is their number if all of them give k inliers, else infinite.
+- Points without scores have no order: n_k is their number if all of them give k inliers, else infinite, and budgets
+  below their number are left out.
 - Repeatability and matching score are NaN where points can't be transferred (see `sips_lit.metrics.repeatability`).
 """
 
@@ -21,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.judge import Judge, Verdict
-from sips_lit.evaluate.pair_pose import PairPose
+from sips_lit.evaluate.judge import Judge, Verdict, all_or_none
+from sips_lit.evaluate.pair_pose import PairPose, PoseErrors, PoseOutcome
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.point_labels import point_labels
 from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
@@ -40,7 +41,8 @@ class Measures:
     ``ks``: inliers that a pair needs, within ``n_max`` points; ``budgets``: numbers of points at which the rest is measured;
     ``repeats`` of checks that are random; ``calibration``: budgets for it (probabilities only); ``pose``: whether poses are
     estimated, by RANSAC of ``iterations``, with inliers within ``pose_threshold`` pixels, a pose at a budget counting
-    from ``pose_inliers`` on; ``threshold`` (pixels) of repeatability; ``cells`` a side of the grid for the spread.
+    from ``pose_inliers`` on; pose AUC up to ``translation_limit`` (metres) and ``rotation_limit`` (degrees);
+    ``threshold`` (pixels) of repeatability; ``cells`` a side of the grid for the spread.
     Raises BadInputError for what can't be measured.
     """
 
@@ -53,6 +55,8 @@ class Measures:
     iterations: int = 3000
     pose_threshold: float = 3.0
     pose_inliers: int = 10
+    translation_limit: float = 1.0
+    rotation_limit: float = 1.0
     threshold: float = 3.0
     cells: int = 8
     seed: int = 0
@@ -71,16 +75,20 @@ class Measures:
         for name in ("repeats", "iterations", "cells"):
             if getattr(self, name) < 1:
                 raise BadInputError(f"{name} is {getattr(self, name)}: give at least 1")
+        for name in ("translation_limit", "rotation_limit"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise BadInputError(f"{name} is {getattr(self, name)}: give a number above 0")
 
 
 @dataclass(frozen=True, slots=True)
 class BudgetMeasurement:
-    """Of a pair at one budget: ``inliers`` and pose errors (R,), and numbers of the first repeat."""
+    """Of a pair at one budget: ``inliers``, pose errors and ``outcome`` of the pose (R,); numbers of the first repeat."""
 
     matches: int
     inliers: NDArray[np.int64]
     rotation_error: FloatArray
     translation_error: FloatArray
+    outcome: NDArray[np.int64]
     repeated: Repeated
     spread: float
 
@@ -114,26 +122,21 @@ def measure(
     inlier, to be calibrated; ``scored``: whether there are scores at all, or the order of the points means nothing.
     """
     begin = time.perf_counter()
-    shape = judge.repeats, len(m.ks)
+    shape, points = (judge.repeats, len(m.ks)), max(len(features0), len(features1))
     n_k, rotation, translation = np.full(shape, math.inf), np.full(shape, math.nan), np.full(shape, math.nan)
     for repeat in range(judge.repeats):
         for column, k in enumerate(m.ks):
-            needed = judge.needed(k, m.n_max, repeat) if scored else _all_of(features0, features1, judge, k, repeat)
+            needed = judge.needed(k, m.n_max, repeat) if scored else all_or_none(judge, points, k, repeat)
             n_k[repeat, column] = math.inf if needed is None else needed
     verified = time.perf_counter()
     if pose is not None:
         rotation, translation = _errors_at(n_k, judge, pose)
     moved = move_points(pair, features0.keypoints.xy, features1.keypoints.xy, stereo)
-    budgets = {n: _at_budget(pair, features0, features1, judge, pose, moved, n, m) for n in m.budgets}
+    meaningful = [n for n in m.budgets if scored or n >= points]
+    budgets = {n: _at_budget(pair, features0, features1, judge, pose, moved, n, m) for n in meaningful}
     outcomes = {n: _outcomes(features0, features1, judge.at(n, 0), n) for n in m.calibration} if probabilities else {}
     elapsed = {"verify": 1e3 * (verified - begin), "metrics": 1e3 * (time.perf_counter() - verified)}
     return PairMeasurement(n_k, rotation, translation, budgets, outcomes, elapsed)
-
-
-def _all_of(features0: Features, features1: Features, judge: Judge, k: int, repeat: int) -> int | None:
-    """n_k of points without an order: all of them, if these have ``k`` inliers."""
-    n = max(len(features0), len(features1))
-    return n if judge.at(n, repeat).count >= k else None
 
 
 def _errors_at(n_k: FloatArray, judge: Judge, pose: PairPose) -> tuple[FloatArray, FloatArray]:
@@ -142,7 +145,7 @@ def _errors_at(n_k: FloatArray, judge: Judge, pose: PairPose) -> tuple[FloatArra
     for repeat in range(len(n_k)):
         for n in np.unique(n_k[repeat][np.isfinite(n_k[repeat])]):  # several k may need as many points
             at = n_k[repeat] == n
-            rotation[repeat, at], translation[repeat, at] = pose.errors(judge.at(int(n), repeat).matches, repeat)
+            rotation[repeat, at], translation[repeat, at], _ = pose.errors(judge.at(int(n), repeat).matches, repeat)
     return rotation, translation
 
 
@@ -157,17 +160,18 @@ def _at_budget(
     m: Measures,
 ) -> BudgetMeasurement:
     verdicts = [judge.at(n, repeat) for repeat in range(judge.repeats)]
-    errors = np.full((judge.repeats, 2), math.nan)
+    poses = [PoseErrors(math.nan, math.nan, PoseOutcome.UNKNOWN)] * judge.repeats
     if pose is not None:
-        errors[:] = [pose.errors(verdict.matches, repeat, m.pose_inliers) for repeat, verdict in enumerate(verdicts)]
+        poses = [pose.errors(verdict.matches, repeat, m.pose_inliers) for repeat, verdict in enumerate(verdicts)]
     first = verdicts[0]
     xy0 = features0.keypoints.xy
     inlier0 = first.matches.index0[first.inliers.inlier]
     return BudgetMeasurement(
         matches=len(first.matches),
         inliers=np.array([verdict.count for verdict in verdicts], np.int64),
-        rotation_error=errors[:, 0],
-        translation_error=errors[:, 1],
+        rotation_error=np.array([pose.rotation for pose in poses]),
+        translation_error=np.array([pose.translation for pose in poses]),
+        outcome=np.array([pose.outcome for pose in poses], np.int64),
         repeated=_repeated(features0.best(n), features1.best(n), moved, first.matches, m.threshold),
         spread=spread(xy0[inlier0], (pair.image0.shape[1], pair.image0.shape[0]), m.cells),
     )

@@ -109,6 +109,11 @@ class PreparedStereoP3P:
         )
         return both_ways(*ways, matches, self.side0.known, self.side1.known)
 
+    def usable(self, matches: Matches) -> int:
+        """How many of the M matches have the depth that `estimate` needs."""
+        known = self.side0.known[matches.index0] if self.side0.has_depth else self.side1.known[matches.index1]
+        return int(known.sum())
+
     def estimate(self, matches: Matches) -> PoseEstimate:
         """The pose and which of the M matches agree with it.
 

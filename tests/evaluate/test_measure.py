@@ -9,6 +9,7 @@ from textured_scenes import keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.judge import Verdict
 from sips_lit.evaluate.measure import Measures, measure
+from sips_lit.evaluate.pair_pose import PoseErrors, PoseOutcome
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.types import Features, FramePair, Inliers, Matches, Reason
 
@@ -49,7 +50,9 @@ class Pose:
     """The error is the number of matches."""
 
     def errors(self, matches, repeat, least=0):
-        return (math.inf, math.inf) if least > 2 else (float(len(matches)), 10.0 * len(matches) + repeat)
+        if least > 2:
+            return PoseErrors(math.inf, math.inf, PoseOutcome.FEW_INLIERS)
+        return PoseErrors(float(len(matches)), 10.0 * len(matches) + repeat, PoseOutcome.FOUND)
 
 
 def of(judge, pose=None, probabilities=False, pair=PAIR, **options):
@@ -65,9 +68,10 @@ def test_points_needed():
 
 
 def test_points_without_scores_are_all_or_nothing():
-    m = Measures(ks=(1, 2, 3), n_max=10, budgets=(), repeats=2)
+    m = Measures(ks=(1, 2, 3), n_max=10, budgets=(3, 4, 7), repeats=2)
     measured = measure(PAIR, POINTS0, POINTS1, JUDGE, None, m, StereoMatcher(), scored=False)
     np.testing.assert_array_equal(measured.n_k, [[4, 4, math.inf], [4, math.inf, math.inf]])
+    assert set(measured.budgets) == {4, 7}  # which three of the four points are the best nobody knows
 
 
 def test_poses_at_n_k():
@@ -77,6 +81,7 @@ def test_poses_at_n_k():
     nobody_knows = of(JUDGE, None)
     assert np.isnan(nobody_knows.rotation_error).all()
     assert np.isnan(nobody_knows.budgets[3].translation_error).all()
+    assert nobody_knows.budgets[3].outcome.tolist() == [PoseOutcome.UNKNOWN] * 2
 
 
 def test_at_a_budget():
@@ -97,6 +102,7 @@ def test_a_pose_needs_inliers_at_a_budget():
     m = Measures(ks=(1,), n_max=10, budgets=(4,), repeats=2, pose_inliers=3)
     measured = measure(PAIR, POINTS0, POINTS1, JUDGE, Pose(), m, StereoMatcher())
     assert np.isinf(measured.budgets[4].rotation_error).all()
+    assert measured.budgets[4].outcome.tolist() == [PoseOutcome.FEW_INLIERS] * 2
     np.testing.assert_array_equal(measured.rotation_error, [[1], [2]])
 
 
@@ -129,6 +135,9 @@ def test_outcomes_of_probabilities():
         ({"iterations": 0}, "iterations is 0"),
         ({"cells": 0}, "cells is 0"),
         ({"calibration": (0,)}, "calibration is .0."),
+        ({"rotation_limit": 0.0}, "rotation_limit is 0.0: give a number above 0"),
+        ({"translation_limit": math.inf}, "translation_limit is inf"),
+        ({"translation_limit": math.nan}, "translation_limit is nan"),
     ],
 )
 def test_impossible(options, words):

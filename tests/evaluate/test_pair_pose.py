@@ -5,7 +5,7 @@ import pytest
 from textured_scenes import keypoints
 from wall_scene import DISTANCE, FOCAL, Wall
 
-from sips_lit.evaluate.pair_pose import for_repeat, pair_pose
+from sips_lit.evaluate.pair_pose import PoseOutcome, for_repeat, pair_pose
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.tracking.pairs import read_pair
 from sips_lit.types import Matches
@@ -27,7 +27,8 @@ def identity(count: int) -> Matches:
 @pytest.mark.parametrize("stereo", [False, True])
 def test_true_correspondences_give_the_true_pose(stereo):
     pose = pair_pose(*scene(Wall(4, depth=not stereo, stereo=stereo)), CHECK)
-    rotation, translation = pose.errors(identity(len(GRID)), 0)
+    rotation, translation, outcome = pose.errors(identity(len(GRID)), 0)
+    assert outcome == PoseOutcome.FOUND
     assert rotation < 0.05
     assert translation < 0.02
     assert pose.T_1_0[0, 3] == pytest.approx(-16 * DISTANCE / FOCAL)
@@ -35,16 +36,16 @@ def test_true_correspondences_give_the_true_pose(stereo):
 
 def test_an_error_is_measured():
     """Points that are all 5 px off put the camera half a metre aside: a metre is ten pixels."""
-    rotation, translation = pair_pose(*scene(Wall(4), 5.0), CHECK).errors(identity(len(GRID)), 0)
+    rotation, translation, _ = pair_pose(*scene(Wall(4), 5.0), CHECK).errors(identity(len(GRID)), 0)
     assert translation == pytest.approx(0.5, abs=0.05)
     assert rotation < 0.3
 
 
 def test_failures_are_infinite():
     pose = pair_pose(*scene(Wall(4)), CHECK)
-    assert pose.errors(identity(3), 0) == (math.inf, math.inf)
-    assert pose.errors(identity(0), 0) == (math.inf, math.inf)
-    assert pose.errors(identity(9), 0, least=10) == (math.inf, math.inf)
+    assert pose.errors(identity(3), 0) == (math.inf, math.inf, PoseOutcome.FEW_MATCHES)
+    assert pose.errors(identity(0), 0) == (math.inf, math.inf, PoseOutcome.FEW_MATCHES)
+    assert pose.errors(identity(9), 0, least=10) == (math.inf, math.inf, PoseOutcome.FEW_INLIERS)
     assert pose.errors(identity(10), 0, least=10)[1] < 0.1
 
 
@@ -57,7 +58,15 @@ def test_points_without_depth_do_not_count():
     known = np.flatnonzero(GRID[:, 0] < 60)
     assert pose.errors(Matches(known, known), 0)[1] < 0.1
     unknown = np.flatnonzero(GRID[:, 0] > 60)
-    assert pose.errors(Matches(unknown, unknown), 0) == (math.inf, math.inf)
+    assert pose.errors(Matches(unknown, unknown), 0) == (math.inf, math.inf, PoseOutcome.FEW_MATCHES)
+
+
+def test_ransac_that_finds_nothing():
+    """Four points of one line of sight each: no triple is a triangle."""
+    pair, points, _ = scene(Wall(4))
+    same = keypoints(np.repeat(GRID[:1], 4, 0))
+    pose = pair_pose(pair, same, points, CHECK)
+    assert pose.errors(identity(4), 0) == (math.inf, math.inf, PoseOutcome.NO_AGREEMENT)
 
 
 def test_nobody_knows():

@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from sips_lit.evaluate.report.summary import Summary
+
+OWN_N: Final = "own n only"
+"""Tag of detectors whose points have no order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +36,7 @@ def columns_of(rows: Sequence[Summary]) -> list[Column]:
     first = rows[0]
     stages = dict.fromkeys(stage for row in rows for stage in row.milliseconds)
     budgets = sorted({n for row in rows for n in row.ece})
-    columns = [*_succinctness(first.k, first.n_max), *_at_budget(first.n), *map(_ece, budgets)]
+    columns = [*_succinctness(first.k, first.n_max), *_at_budget(first.n, *first.limits), *map(_ece, budgets)]
     columns += [_points(first.n_max), *map(_stage, stages)]
     return [column for column in columns if not all(math.isnan(column.value(row)) for row in rows)]
 
@@ -92,29 +96,38 @@ def _succinctness(k: int, n_max: int) -> list[Column]:
     ]
 
 
-def _at_budget(n: int | None) -> list[Column]:
+def _at_budget(n: int | None, metres: float, degrees: float) -> list[Column]:
     if n is None:
         return []
     failed = "A pair without a pose counts as an infinite error; pairs whose true pose is not known are left out."
     return [
         Column(
-            "pose_auc_1m",
-            f"pose AUC-1 m at {n}",
-            "Area under the curve of translation errors (Euclidean distance, metres) from 0 to 1 m: 1 is perfect. "
-            + failed,
+            f"pose_auc_{metres:g}m",
+            f"pose AUC-{metres:g} m at {n}",
+            "Area under the curve of translation errors (Euclidean distance, metres) from 0 to "
+            f"{metres:g} m, divided by {metres:g} m: 1 is perfect. {failed}",
             3,
             1,
             lambda s: s.translation,
             lambda s: s.translation_deviation,
         ),
         Column(
-            "pose_auc_1deg",
-            f"pose AUC-1° at {n}",
-            "The same of rotation errors (geodesic angle) from 0 to 1 degree.",
+            f"pose_auc_{degrees:g}deg",
+            f"pose AUC-{degrees:g}° at {n}",
+            f"The same of rotation errors (geodesic angle) from 0 to {degrees:g} degree{'' if degrees == 1 else 's'}.",
             3,
             1,
             lambda s: s.rotation,
             lambda s: s.rotation_deviation,
+        ),
+        Column(
+            "no_pose",
+            f"no pose at {n}",
+            f"Pairs without a pose from the {n} best points, though the true one is known; the mean over the repeats. "
+            "Why is counted in a table below.",
+            1,
+            -1,
+            lambda s: s.no_pose,
         ),
         Column(
             "repeatability",

@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 
 from sips_lit.evaluate.benchmark_result import DetectorResult, FloatArray, PairSetResult
 from sips_lit.evaluate.report.summary import (
-    ROTATION_LIMIT,
-    TRANSLATION_LIMIT,
     error_auc,
     error_curve,
     main_budget,
     main_k,
     median_needed,
+    pose_limits,
     succinctness,
 )
 from sips_lit.render.benchmark_curves import draw_against_k, draw_succinctness_curves
@@ -28,10 +27,7 @@ from sips_lit.render.pose_difference import draw_pose_differences
 
 Looks = Mapping[str, Look]
 Error = Literal["translation", "rotation"]
-_LIMITS: dict[Error, tuple[float, str]] = {
-    "translation": (TRANSLATION_LIMIT, "m"),
-    "rotation": (ROTATION_LIMIT, "degree"),
-}
+_UNITS: dict[Error, str] = {"translation": "m", "rotation": "degree"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +49,7 @@ def charts(result: PairSetResult, looks: Looks, legend: bool = True) -> Iterator
     several = len(result.detectors[0].ks) > 1
     if several:
         yield _auc_by_k(result, looks, legend)
-    for error in _LIMITS:
+    for error in _UNITS:
         yield from _pose(result, looks, legend, error, several)
     for n in sorted({n for detector in result.detectors for n in detector.calibration}):
         found = {d.name: d.calibration[n] for d in result.detectors if n in d.calibration}
@@ -93,7 +89,7 @@ def _auc_by_k(result: PairSetResult, looks: Looks, legend: bool) -> Chart:
 
 
 def _pose(result: PairSetResult, looks: Looks, legend: bool, error: Error, several: bool) -> Iterator[Chart]:
-    limit, unit = _LIMITS[error]
+    limit, unit = pose_limits(result.detectors[0])[error == "rotation"], _UNITS[error]
     at_n_k = {d.name: _auc_of_each_k(d, error, limit) for d in result.detectors}
     at_n_k = {name: aucs for name, aucs in at_n_k.items() if not np.isnan(aucs).all()}
     if at_n_k and several:

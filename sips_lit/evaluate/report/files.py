@@ -46,12 +46,13 @@ def write_report(
     results = [_with_different_names(result) for result in results]
     looks = detector_looks(detector.name for result in results for detector in result.detectors)
     numbers, page = folder / "results.json", folder / "report.html"
-    store_results(numbers, results)
+    machine = describe_machine() if machine is None else machine
+    store_results(numbers, results, date, machine)
     written = [numbers, *write_tables(folder, results), *_write_pictures(folder / "pictures", pictures)]
     with SummaryWriter(str(folder / "tensorboard")) as writer:
         log_numbers(writer, results)
         written += _write_figures(folder / "figures", results, looks, writer)
-    html = report_page(results, pictures, looks, date, describe_machine() if machine is None else machine)
+    html = report_page(results, pictures, looks, date, machine)
     write_whole(page, html.encode())
     return [page, *written, folder / "tensorboard"]
 

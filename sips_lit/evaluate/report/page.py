@@ -9,6 +9,7 @@ from importlib.resources import files
 import numpy as np
 
 from sips_lit.evaluate.benchmark_result import PairSetResult
+from sips_lit.evaluate.report.counts_html import defects_html, without_pose_html
 from sips_lit.evaluate.report.embedding import inline_svg, picture_uri
 from sips_lit.evaluate.report.figures import Looks, charts
 from sips_lit.evaluate.report.glossary import glossary_html
@@ -75,7 +76,8 @@ def _section(
         parts.append(table_html(result, looks))
     else:
         parts.append("<p>No detector could be run on this pair set.</p>")
-    parts += [_skipped(result), _charts(index, result, looks), _pictures(result, pictures), _defects(result)]
+    parts += [_skipped(result), _charts(index, result, looks), _pictures(result, pictures)]
+    parts += [defects_html(result), without_pose_html(result)]
     parts.append(f"<h3>Protocol</h3>\n{protocol_html(result)}")
     return "\n".join([*filter(None, parts), "</section>"])
 
@@ -130,17 +132,3 @@ def _pictures(result: PairSetResult, pictures: Mapping[tuple[str, str], Sequence
     if not blocks:
         return ""
     return "<h3>Best, median and worst pair of each detector</h3>\n" + "\n".join(blocks)
-
-
-def _defects(result: PairSetResult) -> str:
-    kinds = list(dict.fromkeys(kind for detector in result.detectors for kind in detector.defects))
-    if not kinds:
-        return ""
-    heads = "".join(f'<th scope="col">{escape(kind)}</th>' for kind in kinds)
-    rows = "".join(
-        f"<tr><td>{escape(d.name)}</td>" + "".join(f"<td>{d.defects.get(kind, 0)}</td>" for kind in kinds) + "</tr>"
-        for d in result.detectors
-    )
-    head = f'<thead><tr><th scope="col">detector</th>{heads}</tr></thead>'
-    table = f'<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>'
-    return f"<details><summary>Defects in what the detectors returned</summary>{table}</details>"

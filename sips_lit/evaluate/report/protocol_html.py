@@ -67,10 +67,15 @@ def _sentences(result: PairSetResult, shared: Mapping[str, Any]) -> Iterator[str
     overlap = f" with an overlap of at least {shared['overlap']}" if "overlap" in shared else ""
     seed = f", drawn with seed {shared['seed']}" if "seed" in shared else ""
     yield f"{len(first.pairs)} pairs of images{overlap}{seed}, the same for all detectors."
+    left_out = shared.get("left_out", ())
+    if left_out:
+        pairs = f"{len(left_out)} pair{'s' if len(left_out) > 1 else ''}"
+        yield f"{pairs} left out, as depth or pose is not known, which the verification needs: {', '.join(left_out)}."
     yield f"Each detector was asked for its {first.n_max} best points an image or more."
     yield "n_k is the fewest points an image with k inliers."
     for check in _checks(shared):
-        yield "Verification: " + ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in check.items()) + "."
+        numbers = {key: value for key, value in check.items() if not isinstance(value, Mapping)}  # the table has all
+        yield "Verification: " + ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in numbers.items()) + "."
     repeats = first.n_k.shape[1]
     if repeats > 1:
         yield f"The verification is random and was repeated {repeats} times with other seeds."

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,14 +22,26 @@ from sips_lit.metrics.calibration import CalibrationResult
 FORMAT: Final = "sips_lit benchmark 1"
 
 
-def store_results(path: Path, results: Sequence[PairSetResult]) -> None:
+@dataclass(frozen=True, slots=True)
+class StoredBenchmark:
+    """The records of a benchmark, when they were made (as given) and on which machine: all that its report needs."""
+
+    results: list[PairSetResult]
+    date: str | None
+    machine: dict[str, str]
+
+
+def store_results(
+    path: Path, results: Sequence[PairSetResult], date: str | None = None, machine: Mapping[str, str] | None = None
+) -> None:
     """Writes all records. Raises BadInputError when the file cannot be written."""
-    content = {"format": FORMAT, "pair_sets": [_pair_set(result) for result in results]}
+    about = {"format": FORMAT, "date": date, "machine": dict(machine or {})}
+    content = {**about, "pair_sets": [_pair_set(result) for result in results]}
     write_whole(path, (json.dumps(content, allow_nan=False) + "\n").encode())
 
 
-def load_results(path: Path) -> list[PairSetResult]:
-    """The records that `store_results` wrote; protocols come back as JSON has them (lists for tuples).
+def load_results(path: Path) -> StoredBenchmark:
+    """What `store_results` wrote; protocols come back as JSON has them (lists for tuples).
 
     Raises BadInputError when there is no such file, or it is none of these.
     """
@@ -41,7 +54,8 @@ def load_results(path: Path) -> list[PairSetResult]:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise BadInputError(f"{path} is not a '{FORMAT}': give the results.json that this version's benchmark wrote")
     try:
-        return [_read_pair_set(stored) for stored in content["pair_sets"]]
+        results = [_read_pair_set(stored) for stored in content["pair_sets"]]
+        return StoredBenchmark(results, content["date"], content["machine"])
     except (KeyError, TypeError, ValueError) as error:
         raise BadInputError(f"{path} is damaged ({error!r}): run the benchmark again to write it anew") from error
 
@@ -122,6 +136,7 @@ def _read_budget(stored: Mapping[str, Any], count: int) -> AtBudget:
         inliers=np.array(stored["inliers"], np.int64).reshape(_shape(stored["inliers"], count, -1)),
         rotation_error=_floats(stored["rotation_error"], count, -1),
         translation_error=_floats(stored["translation_error"], count, -1),
+        outcome=np.array(stored["outcome"], np.int64).reshape(_shape(stored["outcome"], count, -1)),
         repeatability=_floats(stored["repeatability"]),
         matching_score=_floats(stored["matching_score"]),
         spread=_floats(stored["spread"]),

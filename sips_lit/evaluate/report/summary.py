@@ -9,14 +9,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.evaluate.benchmark_result import AtBudget, DetectorResult, FloatArray
+from sips_lit.evaluate.benchmark_result import NO_SCORES, AtBudget, DetectorResult, FloatArray
+from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.metrics.pose_auc import pose_auc
 from sips_lit.metrics.succinctness import SuccinctnessResult, histogram, summarise
 
-TRANSLATION_LIMIT: Final = 1.0
-"""Metres, of AUC-1 m."""
-ROTATION_LIMIT: Final = 1.0
-"""Degrees, of AUC-1°."""
 PAPERS_K: Final = 10
 PAPERS_BUDGET: Final = 50
 
@@ -26,15 +23,18 @@ class Summary:
     """One detector on one pair set in numbers: infinite where the detector never gets there, NaN where undefined.
 
     For ``k`` inliers within ``n_max`` points: ``auc``, ``n_at_80``, ``median``, ``mean_needed`` (over the successes) and
-    ``failures`` (mean over the repeats). At ``n`` points: pose AUC of ``translation`` and ``rotation``,
-    ``repeatability``, ``matching_score``, ``spread``. ``*_deviation``: standard deviation over the repeats, NaN for
-    one. ``ece`` by points an image, ``milliseconds`` by stage.
+    ``failures`` (mean over the repeats). At ``n`` points: pose AUC of ``translation`` and ``rotation`` up to ``limits``
+    (metres, degrees), ``no_pose`` (pairs, mean over the repeats), ``repeatability``, ``matching_score``, ``spread``.
+    ``*_deviation``: standard deviation over the repeats, NaN for one. ``ece`` by points an image, ``milliseconds`` by
+    stage. ``scored``: whether the points have an order, or all of an image are judged or nothing.
     """
 
     pairs: int
     k: int
     n_max: int
     n: int | None
+    scored: bool
+    limits: tuple[float, float]
     auc: float
     auc_deviation: float
     n_at_80: float
@@ -45,6 +45,7 @@ class Summary:
     translation_deviation: float
     rotation: float
     rotation_deviation: float
+    no_pose: float
     repeatability: float
     matching_score: float
     spread: float
@@ -59,23 +60,28 @@ def summary(result: DetectorResult) -> Summary:
     pooled = succinctness(result, k)
     needed = result.n_k[:, :, result.ks.index(k)]
     succeeded = needed[needed <= result.n_max]
-    at = result.budgets[n] if n is not None else _nothing(len(result.pairs))
+    # points without scores may not have been measured at the budget of the others
+    at = result.budgets[n] if n is not None and n in result.budgets else _nothing(len(result.pairs))
+    limits = pose_limits(result)
     aucs = [succinctness(result, k, repeat).auc for repeat in range(needed.shape[1])]
     return Summary(
         pairs=len(result.pairs),
         k=k,
         n_max=result.n_max,
         n=n,
+        scored=result.protocol.get("scores") != NO_SCORES,
+        limits=limits,
         auc=pooled.auc,
         auc_deviation=_deviation(aucs),
         n_at_80=np.inf if pooled.n_at_80 is None else pooled.n_at_80,
         median=np.inf if pooled.median is None else pooled.median,
         mean_needed=known_mean(succeeded),
         failures=pooled.failures / max(needed.shape[1], 1),
-        translation=error_auc(at.translation_error, TRANSLATION_LIMIT),
-        translation_deviation=_auc_deviation(at.translation_error, TRANSLATION_LIMIT),
-        rotation=error_auc(at.rotation_error, ROTATION_LIMIT),
-        rotation_deviation=_auc_deviation(at.rotation_error, ROTATION_LIMIT),
+        translation=error_auc(at.translation_error, limits[0]),
+        translation_deviation=_auc_deviation(at.translation_error, limits[0]),
+        rotation=error_auc(at.rotation_error, limits[1]),
+        rotation_deviation=_auc_deviation(at.rotation_error, limits[1]),
+        no_pose=_without_pose(at),
         repeatability=known_mean(at.repeatability),
         matching_score=known_mean(at.matching_score),
         spread=known_mean(at.spread),
@@ -92,8 +98,15 @@ def main_k(result: DetectorResult) -> int:
 
 
 def main_budget(result: DetectorResult) -> int | None:
-    """The points an image of tables and pose curves: the paper's 50, else the fewest that were tried; None if none were."""
-    return PAPERS_BUDGET if PAPERS_BUDGET in result.budgets else min(result.budgets, default=None)
+    """The points an image of tables and pose curves: the paper's 50, else the fewest asked for; None if none were."""
+    asked = result.protocol.get("budgets", result.budgets)
+    return PAPERS_BUDGET if PAPERS_BUDGET in asked else min(asked, default=None)
+
+
+def pose_limits(result: DetectorResult) -> tuple[float, float]:
+    """Errors up to which pose AUC is measured: metres, degrees. The protocol's, else the paper's 1 m and 1 degree."""
+    translation, rotation = (result.protocol.get(f"{error}_limit", 1.0) for error in ("translation", "rotation"))
+    return float(translation), float(rotation)
 
 
 def succinctness(result: DetectorResult, k: int, repeat: int | None = None) -> SuccinctnessResult:
@@ -150,6 +163,15 @@ def _auc_deviation(errors: FloatArray, limit: float) -> float:
     return _deviation([error_auc(errors[:, repeat], limit) for repeat in range(errors.shape[1])])
 
 
+def _without_pose(at: AtBudget) -> float:
+    """How many pairs have no pose though the true one is known, the mean over the repeats; NaN where none is known."""
+    known: NDArray[np.bool_] = at.outcome != PoseOutcome.UNKNOWN
+    if not known.any():
+        return float("nan")
+    return float((known & (at.outcome != PoseOutcome.FOUND)).sum()) / known.shape[1]
+
+
 def _nothing(pairs: int) -> AtBudget:
     unknown, counts = np.full(pairs, np.nan), np.zeros((pairs, 1), np.int64)
-    return AtBudget(0, counts[:, 0], counts, unknown[:, None], unknown[:, None], unknown, unknown, unknown)
+    errors, outcome = unknown[:, None], np.full((pairs, 1), PoseOutcome.UNKNOWN, np.int64)
+    return AtBudget(0, counts[:, 0], counts, errors, errors, outcome, unknown, unknown, unknown)

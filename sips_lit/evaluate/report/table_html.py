@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 
 from sips_lit.evaluate.benchmark_result import PairSetResult
-from sips_lit.evaluate.report.columns import Column, columns_of, text_of
+from sips_lit.evaluate.report.columns import OWN_N, Column, columns_of, text_of
 from sips_lit.evaluate.report.figures import Looks
 from sips_lit.evaluate.report.summary import Summary, summary
 from sips_lit.render.detector_looks import Look, is_control
@@ -51,8 +51,9 @@ def _heading(title: str, first: str, sort: str | None = None, definition: str = 
 
 def _row(name: str, row: Summary, columns: Sequence[Column], best: Sequence[float], look: Look) -> str:
     control = is_control(name)
-    tag = ' <span class="tag">control</span>' if control else ""
-    cells = [f'<td data-value="{escape(name)}">{swatch(look)}{escape(name)}{tag}</td>']
+    words = ["control"] * control + [OWN_N] * (not row.scored)
+    tags = "".join(f' <span class="tag">{word}</span>' for word in words)
+    cells = [f'<td data-value="{escape(name)}">{swatch(look)}{escape(name)}{tags}</td>']
     cells += [_cell(column, row, record, control) for column, record in zip(columns, best, strict=True)]
     return f"<tr{' class=control' if control else ''}>{''.join(cells)}</tr>"
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sips_lit.evaluate.benchmark_result import AtBudget, DetectorResult, PairSetResult, PairTable
+from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.metrics.calibration import CalibrationResult, bin_sums, summarise
 
 KS = (5, 6, 7, 8, 10, 12, 15, 20, 25, 30)
@@ -52,6 +53,7 @@ def at_budget(generator, n: int, table: PairTable, n_k10: np.ndarray, error: flo
         inliers,
         np.where(known, errors[0], np.nan),
         np.where(known, errors[1], np.nan),
+        np.where(known, np.where(failed, PoseOutcome.FEW_INLIERS, PoseOutcome.FOUND), PoseOutcome.UNKNOWN),
         generator.uniform(0.3, 0.7, pairs),
         generator.uniform(0.2, 0.5, pairs),
         generator.uniform(0.1, 0.4, pairs),

@@ -36,8 +36,10 @@ def same(left: object, right: object) -> None:
 def test_round_trip(tmp_path, repeats, poses):
     results = [pair_set(NAMES[:2], 7, poses, repeats=repeats), PairSetResult("e", "empty", {}, (), {"sift": "why"})]
     assert not poses or np.isinf(results[0].detectors[-1].n_k).any()
-    store_results(tmp_path / "results.json", results)
-    for before, after in zip(results, load_results(tmp_path / "results.json"), strict=True):
+    store_results(tmp_path / "results.json", results, "2026-01-02", {"cores": "2"})
+    stored = load_results(tmp_path / "results.json")
+    assert (stored.date, stored.machine) == ("2026-01-02", {"cores": "2"})
+    for before, after in zip(results, stored.results, strict=True):
         same(before, after)
 
 
@@ -54,7 +56,7 @@ def test_no_pairs_at_all(tmp_path):
         calibration={},
     )
     store_results(tmp_path / "r.json", [replace(result, detectors=(detector,))])
-    (after,) = load_results(tmp_path / "r.json")
+    (after,) = load_results(tmp_path / "r.json").results
     assert after.detectors[0].n_k.shape[0] == len(after.detectors[0].pairs) == 0
 
 
