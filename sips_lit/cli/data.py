@@ -20,7 +20,7 @@ from sips_lit.datasets.stats import GAPS, SequenceStats, draw_stats, sequence_st
 from sips_lit.datasets.unpack import unpack
 from sips_lit.errors import BadInputError
 from sips_lit.frames.video import video
-from sips_lit.tracking.build import build_indexes
+from sips_lit.tracking.build import build_indexes, unreadable_frames
 from sips_lit.tracking.overlap import OverlapParameters
 from sips_lit.types import ImageSequence
 
@@ -60,8 +60,15 @@ def describe(report: DataSetReport) -> str:
     lines += [f"- {remark}" for remark in said[:SHOWN]]
     if len(said) > SHOWN:
         lines += [f"- and {len(said) - SHOWN} more remarks"]
-    lines += [f"use: sips-train data={dataset.kind} data.path={dataset.path}"] if report.problem is None else []
+    lines += [how_to_use(dataset)] if not report.problems else []
     return "\n".join(lines)
+
+
+def how_to_use(dataset: DataSet) -> str:
+    """The command that trains on a data set."""
+    options = [f"data.{key}={str(value).lower()}" for key, value in dataset.options.items()]
+    options += ["inliers=homography"] if dataset.kind == "hpatches" else []  # images in no order can't be tracked
+    return " ".join([f"use: sips-train data={dataset.kind} data.path={dataset.path}", *options])
 
 
 def sequence_row(sequence: SequenceReport) -> list[str]:
@@ -75,7 +82,7 @@ def sequence_row(sequence: SequenceReport) -> list[str]:
 
 
 def stats_command(args: argparse.Namespace) -> int:
-    """Builds the overlap index where it is missing; prints a table and writes a picture."""
+    """Builds the overlap index where it is missing; prints a table and writes a picture. 1 if frames can't be read."""
     sequences = [s for dataset in recognise(args.path) for s in open_sequences(dataset, args.cache)]
     indexes = build_indexes(sequences, args.cache / "indexes", OverlapParameters(), args.workers)
     pairs = zip(sequences, indexes, strict=True)
@@ -84,7 +91,10 @@ def stats_command(args: argparse.Namespace) -> int:
     args.output.parent.mkdir(parents=True, exist_ok=True)
     draw_stats(stats).savefig(args.output)
     print(f"\nwrote {args.output}")
-    return 0
+    reasons = unreadable_frames(indexes)
+    if reasons:
+        print(f"error: frames can't be read and are left out ({len(reasons)}); the first: {reasons[0]}", file=sys.stderr)
+    return 1 if reasons else 0
 
 
 def open_sequences(dataset: DataSet, cache: Path) -> list[ImageSequence]:

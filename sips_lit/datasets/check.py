@@ -56,30 +56,68 @@ class SequenceReport:
 
 @dataclass(slots=True)
 class DataSetReport:
-    """What was found in a data set; ``problem`` is why its loader refuses it, if it does."""
+    """What was found in a data set; ``problems``: why its loader refuses it or a part of it, a sentence each.
+
+    ``links`` are files and folders that lead out of it.
+    """
 
     dataset: DataSet
     sequences: list[SequenceReport] = field(default_factory=list)
-    problem: str | None = None
+    problems: list[str] = field(default_factory=list)
+    links: list[Path] = field(default_factory=list)
     bytes: int = 0
 
     @property
     def whole(self) -> bool:
         """Whether everything opened."""
-        return self.problem is None and not any(s.unreadable for s in self.sequences)
+        return not self.problems and not any(s.unreadable for s in self.sequences)
 
 
 def check(dataset: DataSet, advance: Callable[[int], object] = lambda frames: None) -> DataSetReport:
     """Opens every file of a data set; ``advance`` is told of each frame."""
-    report = DataSetReport(dataset, bytes=size_on_disk(dataset.path))
+    report = DataSetReport(dataset, links=links_out(dataset.path), bytes=size_on_disk(dataset.path))
     try:
         if dataset.kind == "video":
             report.sequences = [check_video(file, advance) for file in find_videos(dataset.path)]
         else:
-            report.sequences = [check_sequence(sequence, advance) for sequence in dataset.sequences()]
+            sequences, report.problems = open_parts(dataset)
+            report.sequences = [check_sequence(sequence, advance) for sequence in sequences]
     except BadInputError as error:
-        report.problem = str(error)
+        report.problems.append(str(error))
+    report.problems += calibration_problems(dataset) if dataset.kind == "tum_mono" else []
     return report
+
+
+def open_parts(dataset: DataSet) -> tuple[list[ImageSequence], list[str]]:
+    """The sequences of a data set; refused together, those of the parts that open, and why others don't."""
+    try:
+        return dataset.sequences(), []
+    except BadInputError as error:
+        opened: list[ImageSequence] = []
+        problems: list[str] = []
+        for part in dataset.parts:
+            try:
+                opened += dataset.sequences(part)
+            except BadInputError as error_of_part:
+                problems.append(str(error_of_part))
+        return opened, problems or [str(error)]
+
+
+def calibration_problems(dataset: DataSet) -> list[str]:
+    """What of the calibration of TUM mono is missing or damaged; images are read without it."""
+    problems = []
+    for part in dataset.parts or (dataset.path,):
+        for option in ("geometric", "photometric"):
+            try:
+                dataset.sequences(part)
+            except BadInputError:
+                break  # that is told already
+            try:
+                dataset.sequences(part, **{option: True})
+            except BadInputError as error:
+                problems.append(f"{error} (only data.{option}=true needs it)")
+                break
+    return problems
 
 
 def check_sequence(sequence: ImageSequence, advance: Callable[[int], object] = lambda frames: None) -> SequenceReport:
@@ -154,6 +192,21 @@ def check_video(file: Path, advance: Callable[[int], object] = lambda frames: No
     return report
 
 
+def links_out(path: Path) -> list[Path]:
+    """The symbolic links in a folder that lead out of it, or nowhere."""
+    if path.is_file():
+        return []
+    root = path.resolve()
+    return [link for link in sorted(path.rglob("*")) if link.is_symlink() and not _inside(link, root)]
+
+
+def _inside(link: Path, root: Path) -> bool:
+    try:
+        return link.resolve(strict=True).is_relative_to(root)
+    except (OSError, RuntimeError):  # nothing there; a circle of links
+        return False
+
+
 def size_on_disk(path: Path) -> int:
     """Bytes of a file, or of all files in a folder."""
     if path.is_file():
@@ -163,7 +216,9 @@ def size_on_disk(path: Path) -> int:
 
 def remarks(report: DataSetReport) -> list[str]:
     """What a user should know of a data set before using it, a sentence each."""
-    said = [] if report.problem is None else [report.problem]
+    said = list(report.problems)
+    if report.links:
+        said.append(f"{len(report.links)} links lead out of the folder, or nowhere; the first: {report.links[0]}")
     for sequence in report.sequences:
         said += sequence.unreadable[:3]
         if len(sequence.unreadable) > 3:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -42,7 +42,7 @@ class SequenceStats:
 
 
 def sequence_stats(sequence: ImageSequence, index: OverlapIndex, tracker: KltTracker | None = None) -> SequenceStats:
-    """Statistics of a sequence with its overlap index. Raises BadInputError when a sampled frame can't be read."""
+    """Statistics of a sequence with its overlap index; frames that can't be read are left out."""
     metres, degrees = pose_steps(sequence)
     return SequenceStats(
         sequence.name,
@@ -50,7 +50,7 @@ def sequence_stats(sequence: ImageSequence, index: OverlapIndex, tracker: KltTra
         overlap_by_gap(index),
         index.reach(0.3),
         index.reach(0.5),
-        pixel_steps(sequence, tracker or KltTracker()),
+        pixel_steps(sequence, tracker or KltTracker(), index.unreadable),
         metres,
         degrees,
     )
@@ -67,10 +67,14 @@ def overlap_by_gap(index: OverlapIndex) -> NDArray[np.float64]:
     return table
 
 
-def pixel_steps(sequence: ImageSequence, tracker: KltTracker) -> NDArray[np.float64]:
-    """Median motion in pixels of tracked corners between up to `SAMPLES` evenly spaced pairs of neighbours."""
-    starts = np.unique(np.linspace(0, len(sequence) - 2, SAMPLES).astype(int))
-    steps = (_median_step(sequence.frame(int(i)), sequence.frame(int(i) + 1), tracker) for i in starts)
+def pixel_steps(sequence: ImageSequence, tracker: KltTracker, unreadable: Container[int] = ()) -> NDArray[np.float64]:
+    """Median motion in pixels of tracked corners between up to `SAMPLES` evenly spaced pairs of neighbours.
+
+    Neighbours of which one is ``unreadable`` are left out.
+    """
+    starts = [i for i in range(len(sequence) - 1) if i not in unreadable and i + 1 not in unreadable]
+    chosen = {starts[i] for i in np.linspace(0, len(starts) - 1, SAMPLES).astype(int)} if starts else set()
+    steps = (_median_step(sequence.frame(i), sequence.frame(i + 1), tracker) for i in sorted(chosen))
     return np.array([step for step in steps if step is not None], np.float64)
 
 

@@ -21,7 +21,7 @@ class FolderSequence(ImageSequence):
     ) -> None:
         self.folder, self.files, self.max_side = folder, list(files), max_side
         self.name = safe_name(name or folder.resolve().name)
-        stats = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in self.files]
+        stats = [(file.name, *_size_and_time(file)) for file in self.files]
         self.fingerprint = hashlib.sha256(repr((stats, max_side)).encode()).hexdigest()[:16]
         self._size: tuple[int, int] | None = None
 
@@ -78,6 +78,15 @@ def folder(path: str | Path | Sequence[str | Path], max_side: int | None = None)
 def safe_name(name: str) -> str:
     """The name with everything but letters, digits, dots, minus and underscore replaced."""
     return re.sub(r"[^\w.-]+", "_", name) or "sequence"
+
+
+def _size_and_time(file: Path) -> tuple[int, int]:
+    """Bytes and time of change in nanoseconds; zeros for a link that leads nowhere."""
+    try:
+        stat = file.stat()
+    except OSError:
+        return 0, 0
+    return stat.st_size, stat.st_mtime_ns
 
 
 def _can_be_read(file: Path) -> bool:

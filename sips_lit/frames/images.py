@@ -75,9 +75,12 @@ def resize_max_side(image: GreyImage, max_side: int | None) -> GreyImage:
 
 
 def list_images(folder: str | Path) -> list[Path]:
-    """The image files of a folder in natural order (img2 before img10); hidden and other files are passed over."""
+    """The image files of a folder in natural order (img2 before img10); hidden and other files are passed over.
+
+    Links that lead nowhere are among them: to leave them out would join the frames before and after.
+    """
     files = [p for p in Path(folder).iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
-    return sorted((p for p in files if p.is_file()), key=lambda p: (natural(p.name), p.name))
+    return sorted((p for p in files if not p.is_dir()), key=lambda p: (natural(p.name), p.name))
 
 
 def natural(name: str) -> list[tuple[int, int, str]]:

@@ -4,6 +4,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from hpatches_files import write_sequence
+from robotcar_files import write_run
 from textured_scenes import flight
 
 from sips_lit.cli import data as command
@@ -53,6 +55,25 @@ def test_stats_writes_a_table_and_a_picture(images, tmp_path, capsys):
     assert code == 0
     assert "reach 0.3" in out
     assert cv2.imread(str(picture)) is not None
+
+
+def test_stats_tells_of_frames_that_cannot_be_read(images, tmp_path, capsys):
+    (images / "2.png").write_bytes((images / "2.png").read_bytes()[:300])
+    code, out, err = run(capsys, "stats", images, "--output", tmp_path / "stats.png", "--cache", tmp_path / "cache")
+    assert code == 1
+    assert "reach 0.3" in out
+    assert "are left out (1); the first: " in err
+    assert "2.png" in err
+
+
+def test_check_says_what_else_the_command_needs(tmp_path, capsys):
+    write_sequence(tmp_path)
+    _, out, _ = run(capsys, "check", tmp_path)
+    assert f"sips-train data=hpatches data.path={tmp_path} inliers=homography" in out
+    write_run(tmp_path / "run", camera="stereo/left")
+    _, out, _ = run(capsys, "check", tmp_path / "run")
+    assert "data=robotcar" in out
+    assert "data.camera=stereo/left" in out
 
 
 @pytest.fixture

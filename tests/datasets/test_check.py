@@ -3,6 +3,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import tum_mono_files
+from kitti_files import make_kitti
 from textured_scenes import ArraySequence, flight
 
 from sips_lit.datasets.check import DataSetReport, check, check_sequence, check_video, frame_rate, path_of, remarks
@@ -93,9 +95,9 @@ def test_a_truncated_image_is_named(tmp_path):
 
 def test_a_loader_that_refuses_is_the_problem(tmp_path):
     report = check(DataSet("kitti", "KITTI odometry", tmp_path / "nothing", "a test"))
-    assert report.problem
+    assert len(report.problems) == 1
     assert not report.whole
-    assert remarks(report)[0] == report.problem
+    assert remarks(report)[0] == report.problems[0]
 
 
 def write_video(path, frames=12):
@@ -144,6 +146,60 @@ def test_a_camera_that_stands_still_is_told():
     dataset = DataSet("rgbd", "RGB-D", Path(), "a test")
     said = remarks(DataSetReport(dataset, [check_sequence(Still(flight(4).frames))]))
     assert any("stands still" in remark for remark in said)
+
+
+def test_every_part_that_is_not_whole_is_told_and_the_others_are_opened(tmp_path):
+    dataset = make_kitti(tmp_path, names=("00", "01", "02"))
+    (dataset / "sequences/00/calib.txt").unlink()
+    (dataset / "poses/02.txt").write_text("1 2 3\n")
+    report = check(recognise(dataset)[0])
+    assert [sequence.name for sequence in report.sequences] == ["kitti_01"]
+    assert [("00/calib.txt" in p, "poses/02.txt" in p) for p in report.problems] == [(True, False), (False, True)]
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("camera.txt", "0.5 0.6 x 0.5 0.9\n160 128\ncrop\n80 60\n", "line 1 of"),
+        ("camera.txt", None, "there is no"),
+        ("pcalib.txt", "1 2 3\n", "256"),
+        ("vignette.png", None, "there is no"),
+    ],
+)
+def test_the_calibration_of_tum_mono_is_checked(tmp_path, file, text, said):
+    folder = tum_mono_files.write_sequence(tmp_path / "sequence_01")
+    assert check(recognise(folder)[0]).problems == []
+    (folder / file).unlink()
+    if text is not None:
+        (folder / file).write_text(text)
+    report = check(recognise(folder)[0])
+    (problem,) = report.problems
+    assert said in problem
+    assert file in problem
+    assert report.sequences[0].frames == 4  # its images open all the same
+
+
+def test_links_that_lead_out_are_told(tmp_path):
+    folder = write_images(tmp_path / "set")
+    write_images(tmp_path / "other")
+    (folder / "1.png").unlink()
+    (folder / "1.png").symlink_to(tmp_path / "other" / "1.png")
+    (folder / "inside.txt").symlink_to(folder / "0.png")
+    (folder / "circle").symlink_to(folder / "circle")
+    report = check(recognise(folder)[0])
+    assert report.whole
+    assert report.links == [folder / "1.png", folder / "circle"]
+    assert remarks(report)[0].startswith("2 links lead out of the folder, or nowhere")
+
+
+def test_a_link_that_leads_nowhere_is_an_image_that_does_not_open(tmp_path):
+    folder = write_images(tmp_path)
+    (folder / "1.png").unlink()
+    (folder / "1.png").symlink_to(tmp_path / "nothing.png")
+    report = check(recognise(folder)[0])
+    assert report.sequences[0].frames == 3
+    assert not report.whole
+    assert any("cannot read the image" in remark and "1.png" in remark for remark in remarks(report))
 
 
 @pytest.mark.shared_data

@@ -3,6 +3,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from kitti_files import make_kitti
+from robotcar_files import write_run
 
 from sips_lit.datasets.recognise import recognise
 from sips_lit.errors import BadInputError
@@ -43,6 +45,51 @@ def test_the_data_sets_of_a_folder_of_data_sets(tmp_path):
 def test_rgbd_as_plain_folders(tmp_path):
     root = lay_out(tmp_path, ["color/1.png", "depth/1.png", "poses.txt", "cam.json"])
     assert [d.kind for d in recognise(root)] == ["rgbd"]
+
+
+HALVES = {
+    "euroc": [["mav0/cam1/data/1.png", "mav0/cam1/data/2.png"], ["mav0/cam0/data.csv", "mav0/cam0/data/1.png"]],
+    "kitti": [
+        ["sequences/00/calib.txt", "sequences/00/times.txt"],
+        ["dataset/sequences/00/image_1/000000.png"],
+        ["poses/00.txt"],
+        ["image_0/000000.png", "image_1/000000.png", "times.txt"],
+    ],
+    "posed_depth": [["1.png", "2.png", "poses.txt", "cam.txt"], ["1.png", "2.png", "cam.txt", "depth_1x1.npz"]],
+    "rgbd": [
+        ["color/1.png", "color/2.png", "poses.txt", "cam.json"],
+        ["depth/1.png", "depth/2.png", "cam.json"],
+        ["rgb/1.png", "rgb/2.png", "rgb.txt", "groundtruth.txt"],
+    ],
+    "tum_mono": [["vignette.png", "times.txt", "pcalib.txt"], ["images.zip", "times.txt"]],
+    "robotcar": [["2014-05-06-12-54-54/stereo.timestamps"]],
+    "hpatches": [["v_bark/1.ppm", "v_bark/H_1_6"], ["v_bark/1.ppm"], ["v_bark/ref.png", "v_bark/e1.png"]],
+}
+
+
+@pytest.mark.parametrize(("kind", "files"), [(kind, half) for kind, halves in HALVES.items() for half in halves])
+def test_half_of_a_data_set_is_known_for_what_it_is(tmp_path, kind, files):
+    (dataset,) = recognise(lay_out(tmp_path / "some", files))
+    assert dataset.kind == kind
+    with pytest.raises(BadInputError):  # and its loader says what is missing
+        dataset.sequences()
+
+
+def test_what_the_loader_must_be_told(tmp_path):
+    colour = make_kitti(tmp_path / "kitti", cameras=(2, 3))
+    (dataset,) = recognise(colour)
+    assert dataset.options == {"colour": True}
+    assert len(dataset.sequences()) == 1
+    assert recognise(make_kitti(tmp_path / "both"))[0].options == {}
+    write_run(tmp_path / "robotcar", camera="mono_rear")
+    (dataset,) = recognise(tmp_path / "robotcar")
+    assert dataset.options == {"camera": "mono_rear"}
+    assert len(dataset.sequences()) == 1
+
+
+def test_archives_are_to_be_unpacked(tmp_path):
+    with pytest.raises(BadInputError, match=r"unpack MH_01\.zip first"):
+        recognise(lay_out(tmp_path, ["MH_01.zip", "readme.txt"]))
 
 
 @pytest.mark.parametrize("files", [[], ["notes.txt"], ["a/b/notes.txt"]])

@@ -3,6 +3,7 @@ import pytest
 from textured_scenes import ArraySequence, texture
 
 from sips_lit.datasets.stats import GAPS, draw_stats, overlap_by_gap, pixel_steps, pose_steps, sequence_stats
+from sips_lit.errors import BadInputError
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.tracking.overlap import OverlapIndex, OverlapParameters, measure_overlap
 
@@ -45,6 +46,25 @@ def test_a_sequence_without_poses_or_texture():
     stats = sequence_stats(flat, measure_overlap(flat, OverlapParameters()))
     assert (len(stats.pixels), len(stats.metres), len(stats.degrees)) == (0, 0, 0)
     assert draw_stats([stats]).axes
+
+
+def test_frames_that_cannot_be_read_are_left_out():
+    class Damaged(ArraySequence):
+        def frame(self, index):
+            if index == 3:
+                raise BadInputError("3.png is damaged")
+            return super().frame(index)
+
+    damaged = Damaged(panning().frames)
+    stats = sequence_stats(damaged, measure_overlap(damaged, OverlapParameters()))
+    assert stats.pixels == pytest.approx([6] * 5, abs=0.1)  # of 7 steps, two are to and from frame 3
+    assert draw_stats([stats]).axes
+
+
+@pytest.mark.parametrize("frames", [0, 1])
+def test_a_sequence_without_a_pair(frames):
+    short = ArraySequence(panning().frames[:frames])
+    assert len(pixel_steps(short, KltTracker())) == 0
 
 
 def test_the_picture_shows_every_sequence():

@@ -137,6 +137,18 @@ def test_unreadable_image_in_the_middle(tmp_path: Path):
         sequence.frame(2)
 
 
+def test_a_link_that_leads_nowhere_is_an_unreadable_image(tmp_path: Path):
+    fill(tmp_path)
+    before = folder(tmp_path)[0].fingerprint
+    (tmp_path / "1.png").unlink()
+    (tmp_path / "1.png").symlink_to(tmp_path / "away.png")
+    (sequence,) = folder(tmp_path)
+    assert [sequence.frame_name(i) for i in range(3)] == ["0", "1", "2"]
+    assert sequence.fingerprint != before
+    with pytest.raises(BadInputError, match=r"cannot read the image .*1\.png"):
+        sequence.frame(1)
+
+
 def test_mixed_sizes(tmp_path: Path):
     fill(tmp_path, 3)
     cv2.imwrite(str(tmp_path / "1.png"), texture(64, 48))
