@@ -48,7 +48,7 @@ def _unpack_zip(opened: zipfile.ZipFile, archive: Path, target: Path) -> int:
     _check_size(sum(member.file_size for member in members), archive, target)
     for member in tqdm(members, desc=f"unpacking {archive.name}", unit="file", delay=2):
         with opened.open(member) as source:
-            _write(source, target / member.filename, member.file_size, archive)
+            _write(source, target, member.filename, member.file_size, archive)
     return len(members)
 
 
@@ -59,7 +59,7 @@ def _unpack_tar(packed: tarfile.TarFile, archive: Path, target: Path) -> int:
         source = packed.extractfile(member)
         if source is not None:
             with source:
-                _write(source, target / member.name, member.size, archive)
+                _write(source, target, member.name, member.size, archive)
     return len(members)
 
 
@@ -87,8 +87,11 @@ def _check_size(size: int, archive: Path, target: Path) -> None:
         raise BadInputError(f"{archive} needs {size / 1e9:.1f} GB, but {target} has {max(free, 0) / 1e9:.1f} GB free")
 
 
-def _write(source: IO[bytes], path: Path, size: int, archive: Path) -> None:
-    """Writes one member; a header that lies about its size is found out here."""
+def _write(source: IO[bytes], target: Path, name: str, size: int, archive: Path) -> None:
+    """Writes one member; a header that lies about its size is found out here, and a link that was in the target before."""
+    path = target / name
+    if not path.resolve().is_relative_to(target.resolve()):
+        raise BadInputError(f"{path} would be written through a link to {path.resolve()}: remove the link")
     make_folder(path.parent)
     left = size
     with path.open("wb") as out:

@@ -11,7 +11,7 @@ import yaml
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.layout import expect, read_rows, read_table
+from sips_lit.frames.layout import expect, listed_file, read_rows, read_table
 from sips_lit.geometry.rectify import LensCamera
 
 LAYOUT = (
@@ -72,7 +72,7 @@ def read_shots(camera: Path) -> Shots:
         if times and int(fields[0]) <= times[-1]:
             raise BadInputError(f"line {line} of {table} is not later than the line before")
         times.append(int(fields[0]))
-        files.append(camera / "data" / fields[1])
+        files.append(listed_file(camera / "data", fields[1], table, line))
     absent = [file for file in files if not file.is_file()]
     if absent:
         raise BadInputError(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,14 @@ def expect(path: Path, layout: str) -> Path:
     if not path.exists():
         raise wrong_layout(str(path), path.parent, layout)
     return path
+
+
+def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
+    """The file of ``folder`` that a line of a table names. Raises BadInputError when the name leads out of the folder."""
+    path = PurePath(name.replace("\\", "/"))
+    if path.is_absolute() or ".." in path.parts:
+        raise BadInputError(f"line {line} of {table} names {name}, which leaves the folder: do not trust this file")
+    return folder / path
 
 
 def wrong_layout(missing: str, place: Path, layout: str) -> BadInputError:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.image_size import image_size
-from sips_lit.frames.layout import expect, read_rows, read_table, to_numbers
+from sips_lit.frames.layout import expect, listed_file, read_rows, read_table, to_numbers
 from sips_lit.frames.rgbd_sequence import RgbdFrames
 from sips_lit.geometry.quaternion import to_rotation
 from sips_lit.types import Camera, FloatArray
@@ -79,7 +79,7 @@ def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path]]:
         if len(fields) != 2:
             raise BadInputError(f"line {line} of {table} must be a time and a file, not {len(fields)} words")
         times += to_numbers(table, line, fields[:1])
-        files.append(expect(table.parent / fields[1], LAYOUT))
+        files.append(expect(listed_file(table.parent, fields[1], table, line), LAYOUT))
     if not files:
         raise BadInputError(f"{table} names no file: it is empty or was not downloaded whole")
     return np.array(times), files

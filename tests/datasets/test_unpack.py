@@ -43,6 +43,16 @@ def test_a_path_that_leaves_the_target_is_refused_before_anything_is_written(tmp
     assert not (tmp_path / "evil").exists()
 
 
+@pytest.mark.parametrize(("make", "name"), [(make_zip, "a.zip"), (make_tar, "a.tgz")])
+def test_a_link_in_the_target_is_not_followed_out_of_it(tmp_path, make, name):
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/images").symlink_to(tmp_path / "outside")
+    with pytest.raises(BadInputError, match="through a link"):
+        unpack(make(tmp_path / name, {"images/1.png": b"one"}), tmp_path / "out")
+    assert not list((tmp_path / "outside").iterdir())
+
+
 def test_links_are_refused(tmp_path):
     with tarfile.open(tmp_path / "a.tar", "w") as archive:
         link = tarfile.TarInfo("link")
@@ -67,7 +77,7 @@ def test_a_bomb_is_refused(tmp_path, make, name):
 
 def test_a_header_that_lies_about_the_size_is_found_out(tmp_path):
     with pytest.raises(BadInputError, match="more than the 3 bytes"):
-        unpacking._write(io.BytesIO(b"four"), tmp_path / "x", 3, tmp_path / "a.zip")
+        unpacking._write(io.BytesIO(b"four"), tmp_path, "x", 3, tmp_path / "a.zip")
 
 
 def test_what_does_not_fit_is_refused(tmp_path, monkeypatch):

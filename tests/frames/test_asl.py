@@ -79,6 +79,8 @@ def test_shots(tmp_path: Path):
         ("12 a.png\n", "line 1 of .* is not a time"),
         ("13,a.png\n12,b.png\n", r"line 2 of .*data\.csv is not later"),
         ("#t\n", "lists 0 images"),
+        ("12,a.png\n13,../../b.png\n", r"line 2 of .*data\.csv names \.\./\.\./b\.png, which leaves the folder"),
+        ("12,/etc/passwd\n", "leaves the folder"),
     ],
 )
 def test_bad_lists(tmp_path: Path, text: str, message: str):

@@ -118,6 +118,8 @@ def test_an_unknown_camera(tmp_path):
         ("groundtruth.txt", "1305031102.2 0 0 0", "values"),
         ("rgb.txt", "1305031102.2", "a time and a file"),
         ("rgb.txt", "soon rgb/a.png", "'soon'"),
+        ("rgb.txt", "1305031102.2 ../a.png", "leaves the folder"),
+        ("depth.txt", "1305031102.2 /tmp/a.png", "leaves the folder"),
     ],
 )
 def test_lines_that_make_no_sense(tmp_path, table, line, message):
