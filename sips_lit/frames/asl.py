@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.layout import expect, listed_file, read_rows, read_table
+from sips_lit.geometry.quaternion import to_rotation
 from sips_lit.geometry.rectify import LensCamera
 
 LAYOUT = (
@@ -101,29 +102,9 @@ def read_states(file: Path) -> States:
     if len(back):
         raise BadInputError(f"line {lines[back[0] + 1]} of {file} is not later than the line before")
     poses = np.tile(np.eye(4), (len(table), 1, 1))
-    poses[:, :3, :3] = rotations(quaternions / norms[:, None])
+    poses[:, :3, :3] = to_rotation(quaternions[:, [1, 2, 3, 0]])
     poses[:, :3, 3] = table[:, 1:4]
     return States(times, poses)
-
-
-def nearest(times: NDArray[np.int64], wanted: NDArray[np.int64], tolerance: float) -> NDArray[np.int64]:
-    """For each wanted time the index of the nearest in ``times`` (ascending), -1 if more than ``tolerance`` seconds off."""
-    after = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
-    before = after - 1
-    after = np.minimum(after, len(times) - 1)
-    index = np.where(np.abs(times[after] - wanted) < np.abs(times[before] - wanted), after, before)
-    return np.where(np.abs(times[index] - wanted) <= tolerance * 1e9, index, -1)
-
-
-def rotations(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation matrices (N, 3, 3) of unit quaternions (N, 4) in the order w, x, y, z."""
-    w, (x, y, z) = quaternions[:, 0], quaternions[:, 1:].T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)
 
 
 def _read_yaml(file: Path) -> dict[str, Any]:

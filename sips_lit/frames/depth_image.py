@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.images import read_stored
 
 
 def read_depth_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint16]:
@@ -17,16 +16,7 @@ def read_depth_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint16]:
 
     Raises BadInputError when the file can't be read, has no 16-bit values, or is of another size.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise BadInputError(f"cannot read the depth map {path}: {error.strerror}") from error
-    try:
-        image: NDArray[Any] | None = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    except cv2.error:
-        image = None
-    if image is None:
-        raise BadInputError(f"the depth map {path} is not an image that OpenCV can read, or is damaged: replace it")
+    image = read_stored(path)
     if image.dtype != np.uint16 or image.ndim != 2:
         raise BadInputError(f"the depth map {path} has values of type {image.dtype}: it must be a grey 16-bit image")
     if image.shape != (size[1], size[0]):

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.asl import LAYOUT, Shots, nearest, read_sensor, read_shots, read_states
+from sips_lit.frames.asl import LAYOUT, Shots, read_sensor, read_shots, read_states
+from sips_lit.frames.association import nearest_in_time
 from sips_lit.frames.folder import safe_name
 from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.images import read_grey, resize_max_side, shrunk_size
@@ -18,6 +19,7 @@ from sips_lit.geometry.rectify import Rectifier, rectify_mono, rectify_stereo
 from sips_lit.geometry.resize import resize_camera
 from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
 
+NANOSECONDS = 1e9  # in a second
 log = logging.getLogger(__name__)
 
 
@@ -54,7 +56,7 @@ class EurocSequence(ImageSequence):
             T_right_camera = np.linalg.inv(T_body_right) @ T_body_camera
             self._rectifier, self._right_rectifier, self._baseline = rectify_stereo(lens, right_lens, T_right_camera)
             self._right = read_shots(mav0 / "cam1")
-            self._partner = nearest(self._right.times, self._shots.times, tolerance)
+            self._partner = nearest_in_time(self._shots.times, self._right.times, NANOSECONDS * tolerance)
             self._warn_of(self._partner, "right image", tolerance)
             files += [mav0 / "cam1" / "sensor.yaml", mav0 / "cam1" / "data.csv", *self._right.files]
         elif rectify:
@@ -115,7 +117,7 @@ class EurocSequence(ImageSequence):
     def _poses_from(self, truth: Path, T_body_camera: FloatArray, tolerance: float) -> list[NDArray[np.float64] | None]:
         """The pose of each frame from the state nearest in time, None where none is near."""
         states = read_states(truth)
-        index = nearest(states.times, self._shots.times, tolerance)
+        index = nearest_in_time(self._shots.times, states.times, NANOSECONDS * tolerance)
         if np.all(index < 0):
             spans = [f"{t[0] * 1e-9:.3f} to {t[-1] * 1e-9:.3f} s" for t in (states.times, self._shots.times)]
             raise BadInputError(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import list_images, read_grey, resize_max_side
+from sips_lit.frames.layout import check_max_side
 from sips_lit.types import GreyImage, ImageSequence
 
 
@@ -65,8 +66,7 @@ def folder(path: str | Path | Sequence[str | Path], max_side: int | None = None)
     ``max_side``: shrink images whose longer side exceeds it (pixels). Raises BadInputError when a folder is missing, or has
     fewer than two images.
     """
-    if max_side is not None and max_side < 16:
-        raise BadInputError(f"data.max_side is {max_side}: it must be at least 16 pixels, or null to keep the size")
+    check_max_side(max_side)
     if isinstance(path, str | Path):
         return _with_unique_names(_sequences(Path(path), max_side))
     sequences = [sequence for part in path for sequence in _sequences(Path(part), max_side)]

@@ -24,26 +24,40 @@ def read_grey(path: str | Path) -> GreyImage:
     Other depths are scaled: 16-bit values by their full range, floating-point ones from [0, 1]. Raises BadInputError when
     the file is missing, truncated or not an image, or has values of another kind.
     """
-    path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise BadInputError(f"cannot read the image {path}: {error.strerror}") from error
-    return decode_grey(data, str(path))
+    return decode_grey(_bytes(Path(path)), str(path))
 
 
 def decode_grey(data: bytes, name: str) -> GreyImage:
     """The image of a file's bytes as `read_grey` gives it; errors call it ``name``."""
+    return _to_8_bits(_decode(data, name, DECODE_FLAGS), name)
+
+
+def read_stored(path: Path) -> NDArray[Any]:
+    """The values of an image file as they are stored, of any depth and number of channels.
+
+    Raises BadInputError when the file is missing, truncated or not an image.
+    """
+    return _decode(_bytes(path), str(path), cv2.IMREAD_UNCHANGED)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise BadInputError(f"cannot read the image {path}: {error.strerror}") from error
+
+
+def _decode(data: bytes, name: str, flags: int) -> NDArray[Any]:
     try:
         # from memory: given the name of a truncated file, OpenCV would return half a picture
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), DECODE_FLAGS) if data else None
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # such as more pixels than OpenCV allows
         image = None
     if image is None:
         raise BadInputError(
             f"{name} is not an image that OpenCV can read, or is truncated or damaged: replace or remove it"
         )
-    return _to_8_bits(image, name)
+    return image
 
 
 def _to_8_bits(image: NDArray[Any], name: str) -> GreyImage:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.images import read_stored
 from sips_lit.frames.layout import read_rows, to_numbers
 from sips_lit.types import FloatArray, GreyImage
 
@@ -63,14 +64,9 @@ def read_vignette(path: Path, size: tuple[int, int]) -> NDArray[np.float64]:
 
     Raises BadInputError when it can't be read, is not of ``size`` (W, H) or is black.
     """
-    try:
-        image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
-    except OSError as error:
-        raise BadInputError(f"cannot read the vignette {path}: {error.strerror}") from error
-    except cv2.error:  # an empty file
-        image = None
-    if image is None or image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
-        raise BadInputError(f"{path} is not a grey image of 8 or 16 bits, or is damaged: download it again")
+    image = read_stored(path)
+    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+        raise BadInputError(f"{path} is not a grey image of 8 or 16 bits: download it again")
     if image.shape != (size[1], size[0]):
         raise BadInputError(
             f"{path} is {image.shape[1]}x{image.shape[0]}, but the images are {size[0]}x{size[1]}: it is of another camera"

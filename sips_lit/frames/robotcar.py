@@ -16,7 +16,7 @@ import numpy as np
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.folder import safe_name
-from sips_lit.frames.images import resize_max_side
+from sips_lit.frames.images import read_stored, resize_max_side
 from sips_lit.frames.layout import (
     check_max_side,
     describe_place,
@@ -24,7 +24,7 @@ from sips_lit.frames.layout import (
     read_rows,
     wrong_layout,
 )
-from sips_lit.frames.split_lists import split_names
+from sips_lit.frames.split_lists import only_split
 from sips_lit.types import GreyImage, ImageSequence
 
 # the pattern begins with the pixels of the first row; OpenCV's older names begin elsewhere
@@ -111,9 +111,7 @@ def robotcar(
         raise BadInputError(f"data.camera is {camera}: choose one of {', '.join(BAYER)}")
     if crop_bottom < 0 or stride < 1:
         raise BadInputError(f"data.crop_bottom is {crop_bottom} and data.stride {stride}: they must be >= 0 and >= 1")
-    runs = _find_runs(Path(path), camera)
-    if split not in (None, "all"):
-        runs = _chosen(runs, split_names("robotcar", str(split)), str(split), path)
+    runs = only_split("robotcar", _find_runs(Path(path), camera), split, path)
     sequences: list[ImageSequence] = []
     for date, folders in runs.items():
         stretches = [part[::stride] for part in _stretches(date, folders, camera)]
@@ -132,16 +130,7 @@ def robotcar(
 
 def read_raw(path: Path) -> GreyImage:
     """A Bayer mosaic (H, W) as it is in its file. Raises BadInputError when it can't be read, or is not one of 8 bits."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise BadInputError(f"cannot read the image {path}: {error.strerror}") from error
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:  # an empty file
-        image = None
-    if image is None:
-        raise BadInputError(f"{path} is not an image, or is truncated: unpack its archive again")
+    image = read_stored(path)
     if image.ndim != 2 or image.dtype != np.uint8:
         raise BadInputError(
             f"{path} is not a raw image of one channel and 8 bits as published: read converted images by data=folder"
@@ -212,13 +201,3 @@ def _timestamps(folder: Path, camera: str) -> Iterator[int]:
             f"there is no {file}, which every archive of the camera has: {describe_place(folder)}; {LAYOUT}"
         )
     yield from read_timestamps(file)
-
-
-def _chosen(runs: dict[str, list[Path]], wanted: list[str], split: str, path: str | Path) -> dict[str, list[Path]]:
-    missing = [date for date in wanted if date not in runs]
-    if missing or not wanted:
-        raise BadInputError(
-            f"data.split={split} needs {', '.join(missing) or 'runs, but names none'}, and {path} has "
-            f"{', '.join(list(runs)[:6])}: download what is missing, or set data.split=null for what is there"
-        )
-    return {date: runs[date] for date in wanted}

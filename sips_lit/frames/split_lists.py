@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import yaml
 
 from sips_lit.errors import BadInputError
 
+T = TypeVar("T")
+SHOWN = 6  # names that an error lists
 FOLDER = Path(__file__).parent / "splits"
 
 
@@ -23,3 +27,25 @@ def split_names(dataset: str, split: str) -> list[str]:
             f"{dataset} has no split {split}: choose one of {', '.join(splits)}, or null for everything"
         )
     return [str(name) for name in splits[split] or []]
+
+
+def only_split(dataset: str, there: Mapping[str, T], split: str | None, path: str | Path) -> dict[str, T]:
+    """Of the sequences that are there in ``path`` those of a split, in its order; all of them for None or "all".
+
+    Raises BadInputError when one is missing, or the data set has no such split.
+    """
+    if split in (None, "all"):
+        return dict(there)
+    wanted = split_names(dataset, str(split))
+    missing = [name for name in wanted if name not in there]
+    if missing or not wanted:
+        raise BadInputError(
+            f"data.split={split} needs {_listed(missing) or 'sequences, but names none'}, and {path} has "
+            f"{_listed(list(there))}: download what is missing, or set data.split=null for what is there"
+        )
+    return {name: there[name] for name in wanted}
+
+
+def _listed(names: list[str]) -> str:
+    first = ", ".join(names[:SHOWN])
+    return f"{first} and {len(names) - SHOWN} more" if len(names) > SHOWN else first

@@ -19,7 +19,7 @@ from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.images import list_images, resize_max_side, shrunk_size
 from sips_lit.frames.layout import check_max_side, describe_place, expect, files_fingerprint, read_rows, to_numbers
 from sips_lit.frames.photometric import PhotometricCorrection, read_inverse_response, read_vignette
-from sips_lit.frames.split_lists import split_names
+from sips_lit.frames.split_lists import only_split
 from sips_lit.frames.zip_images import ZipSequence
 from sips_lit.geometry.fov_camera import FovCamera, Rectification
 from sips_lit.geometry.resize import resize_camera
@@ -132,15 +132,8 @@ def tum_mono(
     asked for is not there, or not whole.
     """
     check_max_side(max_side)
-    there = _sequence_folders(Path(path))
-    wanted = list(there) if split in (None, "all") else split_names("tum_mono", str(split))
-    missing = [name for name in wanted if name not in there]
-    if missing or not wanted:
-        raise BadInputError(
-            f"data.split={split} needs {_listed(missing) or 'sequences, but names none'}, and {path} has {_listed(there)}: "
-            "download what is missing, or set data.split=null for what is there"
-        )
-    return [MonoSequence(there[name], photometric, geometric, max_side, cache_dir) for name in wanted]
+    folders = only_split("tum_mono", _sequence_folders(Path(path)), split, path)
+    return [MonoSequence(folder, photometric, geometric, max_side, cache_dir) for folder in folders.values()]
 
 
 def read_times(file: Path, count: int) -> NDArray[np.float64]:
@@ -179,8 +172,3 @@ def _sequence_folders(path: Path) -> dict[str, Path]:
     if not found:
         raise BadInputError(f"there is no sequence in {path}: {describe_place(path)}; {LAYOUT}")
     return found
-
-
-def _listed(names: list[str] | dict[str, Path]) -> str:
-    first = ", ".join(list(names)[:6])
-    return f"{first} and {len(names) - 6} more" if len(names) > 6 else first

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.association import nearest_in_time
 from sips_lit.frames.image_size import image_size
 from sips_lit.frames.layout import expect, listed_file, read_rows, read_table, to_numbers
 from sips_lit.frames.rgbd_sequence import RgbdFrames
@@ -18,6 +19,7 @@ from sips_lit.types import Camera, FloatArray
 
 LAYOUT = "TUM RGB-D has rgb.txt, depth.txt, groundtruth.txt, and the images that the first two name"
 SIZE = (640, 480)
+ROUNDING = 1e-6  # seconds: the times count from 1970, and their last bit is a quarter of a microsecond
 METRES_A_STEP = 1 / 5000  # of the depth maps
 # published calibrations of the three cameras: fx, fy, cx, cy (pixels of 640x480), and k1, k2, p1, p2, k3
 CALIBRATIONS: dict[int, tuple[tuple[float, ...], tuple[float, ...] | None]] = {
@@ -38,8 +40,9 @@ def read_tum(folder: Path, tolerance: float, intrinsics: Sequence[float] | None 
     times, images = _read_list(tables[0])
     depth_times, depths = _read_list(tables[1])
     truth = read_table(tables[2], 8)
-    nearest_depth = nearest_in_time(times, depth_times, tolerance)
-    nearest_pose = nearest_in_time(times, truth[:, 0], tolerance)
+    within = tolerance + ROUNDING
+    nearest_depth = nearest_in_time(times, depth_times, within)
+    nearest_pose = nearest_in_time(times, truth[:, 0], within)
     for nearest, what, other in ((nearest_depth, tables[1], depth_times), (nearest_pose, tables[2], truth[:, 0])):
         if (nearest < 0).all():
             raise BadInputError(
@@ -58,18 +61,6 @@ def read_tum(folder: Path, tolerance: float, intrinsics: Sequence[float] | None 
         METRES_A_STEP,
         tables,
     )
-
-
-def nearest_in_time(times: FloatArray, others: FloatArray, tolerance: float) -> NDArray[np.int64]:
-    """For each time (N,) the index of the nearest of the others (M,), in any order; -1 beyond the tolerance."""
-    order = np.argsort(others, kind="stable")
-    ordered = others[order]
-    after = np.searchsorted(ordered, times).clip(0, len(others) - 1)
-    before = (after - 1).clip(0)
-    nearest = np.where(np.abs(ordered[before] - times) <= np.abs(ordered[after] - times), before, after)
-    # the times count seconds from 1970: their last bit is a quarter of a microsecond
-    within = np.abs(ordered[nearest] - times) <= tolerance + 1e-6
-    return np.where(within, order[nearest], -1)
 
 
 def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path]]:

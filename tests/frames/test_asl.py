@@ -3,11 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from euroc_files import LENSES, START, STEP, T_BODY_CAMERA, body_pose, make_euroc
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.asl import nearest, read_sensor, read_shots, read_states, rotations
+from sips_lit.frames.asl import read_sensor, read_shots, read_states
 
 
 def replace(file: Path, old: str, new: str) -> None:
@@ -113,28 +111,3 @@ def test_bad_states(tmp_path: Path, row: str, message: str):
     file.write_text(f"{START},0,0,0,1,0,0,0\n" + row.format(t=START + STEP))
     with pytest.raises(BadInputError, match=message):
         read_states(file)
-
-
-def test_quaternions_turn_as_they_should():
-    s = np.sqrt(0.5)
-    R = rotations(np.array([[1.0, 0, 0, 0], [s, s, 0, 0], [s, 0, s, 0], [s, 0, 0, s]]))
-    np.testing.assert_allclose(R[0], np.eye(3))
-    np.testing.assert_allclose(R[1] @ [0, 1, 0], [0, 0, 1], atol=1e-12)  # a quarter turn about x: y to z
-    np.testing.assert_allclose(R[2] @ [0, 0, 1], [1, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(R[3] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    times=st.lists(st.integers(0, 100), min_size=1, max_size=8, unique=True).map(sorted),
-    wanted=st.lists(st.integers(-20, 120), max_size=8),
-    tolerance=st.integers(0, 30),
-)
-def test_nearest(times: list[int], wanted: list[int], tolerance: int):
-    index = nearest(np.array(times, np.int64), np.array(wanted, np.int64), tolerance * 1e-9)
-    for want, found in zip(wanted, index, strict=True):
-        distance = min(abs(time - want) for time in times)
-        if distance > tolerance:
-            assert found == -1
-        else:
-            assert abs(times[found] - want) == distance

@@ -15,7 +15,7 @@ def test_steps_become_metres_and_zero_is_unknown(tmp_path):
 
 
 def test_no_depth_map(tmp_path):
-    with pytest.raises(BadInputError, match=r"cannot read the depth map .*a\.png"):
+    with pytest.raises(BadInputError, match=r"cannot read the image .*a\.png"):
         read_depth_image(tmp_path / "a.png", (3, 2))
     (tmp_path / "a.png").write_bytes(b"")
     with pytest.raises(BadInputError, match=r"a\.png is not an image"):

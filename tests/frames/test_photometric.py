@@ -91,11 +91,11 @@ def test_what_the_calibration_did_not_see_is_as_its_nearest_neighbour(tmp_path: 
 
 def test_bad_vignettes(tmp_path: Path):
     path = tmp_path / "vignette.png"
-    with pytest.raises(BadInputError, match="cannot read the vignette"):
+    with pytest.raises(BadInputError, match=r"cannot read the image .*vignette"):
         read_vignette(path, (8, 6))
     for data in (b"", b"no image"):
         path.write_bytes(data)
-        with pytest.raises(BadInputError, match="is not a grey image of 8 or 16 bits"):
+        with pytest.raises(BadInputError, match="is not an image that OpenCV can read"):
             read_vignette(path, (8, 6))
     cv2.imwrite(str(path), np.ones((6, 8, 3), np.uint8))
     with pytest.raises(BadInputError, match="is not a grey image"):

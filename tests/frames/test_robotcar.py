@@ -104,7 +104,7 @@ def test_runs_and_a_split(tmp_path: Path):
     assert [sequence.name for sequence in robotcar(tmp_path, split="train")] == [f"robotcar_{DATE}_stereo_centre"]
     with pytest.raises(BadInputError, match=rf"split=train needs {DATE}, and .* has {other}: download"):
         robotcar(tmp_path / other, split="train")
-    with pytest.raises(BadInputError, match="split=test needs runs, but names none"):
+    with pytest.raises(BadInputError, match="split=test needs sequences, but names none"):
         robotcar(tmp_path, split="test")
 
 
@@ -129,7 +129,7 @@ def test_bad_images_are_named(tmp_path: Path):
     good = file.read_bytes()
     for data in (good[: len(good) // 2], b"", b"text"):
         file.write_bytes(data)
-        with pytest.raises(BadInputError, match=rf"{START}\.png is not an image, or is truncated"):
+        with pytest.raises(BadInputError, match=rf"{START}\.png is not an image that OpenCV can read, or is truncated"):
             sequence.frame(0)
     cv2.imwrite(str(file), colour_image())
     with pytest.raises(BadInputError, match=r"is not a raw image of one channel .* data=folder"):

@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from rgbd_files import depth_of, matrix, pose, render, write_tum
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.rgbd import rgbd
-from sips_lit.frames.tum_rgbd import CALIBRATIONS, nearest_in_time
+from sips_lit.frames.tum_rgbd import CALIBRATIONS
 
 K3 = matrix(*CALIBRATIONS[3][0])
 SMALL = (160, 120)
@@ -137,22 +135,3 @@ def test_the_wall_is_where_the_depth_says(tmp_path):
     for index in range(3):
         expected, _ = depth_of(xy, sequence.pose(index), sequence.camera(index).matrix)
         np.testing.assert_allclose(sequence.depth(index)[xy[:, 1], xy[:, 0]], expected, atol=1e-3)
-
-
-@given(
-    st.lists(st.integers(0, 60), max_size=8),
-    st.lists(st.integers(0, 60), min_size=1, max_size=8),
-    st.integers(0, 12),
-)
-@settings(max_examples=200, deadline=None)
-def test_nearest_as_the_slow_twin(times, others, tolerance):
-    start = 1305031102.0
-    at, there = (start + np.array(values, float) / 100 for values in (times, others))
-    nearest = nearest_in_time(at, there, tolerance / 100)
-    assert nearest.shape == (len(times),)
-    for time, index in zip(times, nearest, strict=True):
-        smallest = min(abs(time - other) for other in others)
-        if smallest > tolerance:
-            assert index == -1
-        else:
-            assert abs(time - others[index]) == smallest
