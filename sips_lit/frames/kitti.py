@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -29,6 +30,7 @@ LAYOUT = (
     "the layout of KITTI odometry is sequences/00/ with calib.txt and image_0/000000.png, image_1/000000.png, ... "
     "and, where they are published, times.txt and poses/00.txt beside sequences/"
 )
+log = logging.getLogger(__name__)
 
 
 class KittiSequence(ImageSequence):
@@ -55,16 +57,22 @@ class KittiSequence(ImageSequence):
         if right_folder.is_dir() and number + 1 in projections:
             self._right = FolderSequence(right_folder, _partners(right_folder, self._left.files), max_side)
             self._baseline = float((offset(P) - offset(projections[number + 1]))[0])
-        files = [folder / "calib.txt"]
+        files, listed = [folder / "calib.txt"], 0
         self._poses: NDArray[np.float64] | None = None
         if poses_file.exists():
             files.append(poses_file)
-            self._poses = self._rows(read_pose_rows(poses_file), poses_file)
+            poses = read_pose_rows(poses_file)
+            listed = max(listed, len(poses))
+            self._poses = self._rows(poses, poses_file)
             self._poses[:, :3, 3] -= self._poses[:, :3, :3] @ offset(P)  # from the left grey camera to this one
         self._times: NDArray[np.float64] | None = None
         if (folder / "times.txt").exists():
             files.append(folder / "times.txt")
-            self._times = self._rows(read_table(folder / "times.txt", 1)[:, 0], folder / "times.txt")
+            times = read_table(folder / "times.txt", 1)[:, 0]
+            listed = max(listed, len(times))
+            self._times = self._rows(times, folder / "times.txt")
+        if listed > len(self._numbers):
+            log.warning("%s: %d of %d images of %s are there", self.name, len(self), listed, self._left.folder)
         right = self._right.fingerprint if self._right else None
         self.fingerprint = files_fingerprint(files, "kitti 1", self._left.fingerprint, right, colour, max_side)
 

@@ -1,4 +1,5 @@
 import itertools
+import logging
 import pickle
 from pathlib import Path
 
@@ -163,3 +164,18 @@ def test_pickles(tmp_path: Path):
     other = pickle.loads(pickle.dumps(sequence))
     np.testing.assert_array_equal(other.right(1), sequence.right(1))
     np.testing.assert_array_equal(other.pose(1), sequence.pose(1))
+
+
+def test_images_that_are_not_there_are_counted(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    folder = make_kitti(tmp_path, frames=6) / "sequences" / "00"
+    with caplog.at_level(logging.WARNING):
+        kitti(folder)
+        assert caplog.records == []
+        for camera in range(4):
+            (folder / f"image_{camera}" / "000002.png").unlink()
+            (folder / f"image_{camera}" / "000005.png").unlink()
+        (sequence,) = kitti(folder)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"kitti_00: 4 of 6 images of {folder / 'image_0'} are there"
+    ]
+    np.testing.assert_allclose(sequence.time(2), 0.3)
