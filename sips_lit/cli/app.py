@@ -40,6 +40,7 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
     def command(config: DictConfig) -> Any:
         register_resolvers()  # a launcher may have started another process
+        quiet_opencv()
         try:
             return task(config)
         except KeyboardInterrupt:
@@ -61,6 +62,13 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
     command.__module__, command.__qualname__ = __name__, config_name
     hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+
+
+def quiet_opencv() -> None:
+    """Damaged images are told in sentences of our own; OpenCV's lines about its decoders would only hide these."""
+    import cv2
+
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
 class JobFailed(CompactHydraException):

@@ -12,7 +12,7 @@ import numpy as np
 from tabulate import tabulate
 from tqdm import tqdm
 
-from sips_lit.cli.app import INTERRUPTED, explain
+from sips_lit.cli.app import INTERRUPTED, explain, quiet_opencv
 from sips_lit.datasets.check import DataSetReport, SequenceReport, check, remarks
 from sips_lit.datasets.download import Offer, fetch, read_catalogue, remote_size
 from sips_lit.datasets.recognise import DataSet, recognise
@@ -93,7 +93,9 @@ def stats_command(args: argparse.Namespace) -> int:
     print(f"\nwrote {args.output}")
     reasons = unreadable_frames(indexes)
     if reasons:
-        print(f"error: frames can't be read and are left out ({len(reasons)}); the first: {reasons[0]}", file=sys.stderr)
+        print(
+            f"error: frames can't be read and are left out ({len(reasons)}); the first: {reasons[0]}", file=sys.stderr
+        )
     return 1 if reasons else 0
 
 
@@ -197,6 +199,7 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
     args = parser().parse_args(arguments)
+    quiet_opencv()
     try:
         code: int = args.task(args)
     except KeyboardInterrupt:

@@ -43,6 +43,15 @@ def test_check_fails_on_a_damaged_file(images, capsys):
     assert err.startswith("error: ")
 
 
+def test_a_damaged_image_is_told_in_one_sentence_only(tmp_path, capfd):
+    write_sequence(tmp_path)
+    (tmp_path / "v_made/3.ppm").write_bytes((tmp_path / "v_made/3.ppm").read_bytes()[:500])
+    code, out, err = run(capfd, "check", tmp_path)
+    assert code == 1
+    assert out.count("3.ppm") == 1
+    assert err == "error: some of the data does not open: see above\n"  # nothing of OpenCV's own
+
+
 def test_check_of_an_empty_folder_is_one_sentence(tmp_path, capsys):
     code, out, err = run(capsys, "check", tmp_path)
     assert (code, out, err.count("\n")) == (1, "", 1)
