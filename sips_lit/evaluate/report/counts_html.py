@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Final
 
-from sips_lit.evaluate.benchmark_result import DetectorResult, PairSetResult
+from sips_lit.evaluate.benchmark_result import PairSetResult
 from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.evaluate.report.summary import main_budget
 
@@ -30,19 +30,14 @@ def without_pose_html(result: PairSetResult) -> str:
     n = main_budget(result.detectors[0]) if result.detectors else None
     if n is None:
         return ""
-    rows = {detector.name: _outcomes(detector, n) for detector in result.detectors if n in detector.budgets}
-    if all(set(counts) <= {_OUTCOMES[PoseOutcome.UNKNOWN]} for counts in rows.values()):
+    measured = [detector for detector in result.detectors if n in detector.budgets]
+    came = [kind for kind in _OUTCOMES if any((d.budgets[n].outcome == kind).any() for d in measured)]
+    if came in ([], [PoseOutcome.UNKNOWN]):
         return ""
+    rows = {d.name: {_OUTCOMES[kind]: int((d.budgets[n].outcome == kind).sum()) for kind in came} for d in measured}
     repeats = max(detector.n_k.shape[1] for detector in result.detectors)
     each = f", each in {repeats} repeats" if repeats > 1 else ""
     return _folded(f"Pairs without a pose at {n} points{each}", rows)
-
-
-def _outcomes(detector: DetectorResult, n: int) -> dict[str, int]:
-    """How often each outcome came, over pairs and repeats; only those that came."""
-    outcome = detector.budgets[n].outcome
-    counts = {word: int((outcome == kind).sum()) for kind, word in _OUTCOMES.items()}
-    return {word: count for word, count in counts.items() if count}
 
 
 def _folded(title: str, rows: Mapping[str, Mapping[str, int]]) -> str:

@@ -168,7 +168,7 @@ def _without_pose(at: AtBudget) -> float:
     known: NDArray[np.bool_] = at.outcome != PoseOutcome.UNKNOWN
     if not known.any():
         return float("nan")
-    return float((known & (at.outcome != PoseOutcome.FOUND)).sum()) / known.shape[1]
+    return float((known & (at.outcome != PoseOutcome.FOUND)).sum() / known.shape[1])
 
 
 def _nothing(pairs: int) -> AtBudget:

@@ -62,7 +62,8 @@ def _cell(column: Column, row: Summary, record: float, control: bool) -> str:
     value = column.value(row)
     sortable = "" if math.isnan(value) else "Infinity" if math.isinf(value) else repr(float(value))
     marked = not control and text_of(value, column.digits) == text_of(record, column.digits) and math.isfinite(value)
-    digits = 0 if column.key == "failures" and value == int(value) else column.digits
+    counts = column.key in ("failures", "no_pose") and math.isfinite(value)
+    digits = 0 if counts and value == int(value) else column.digits
     deviation = math.nan if column.deviation is None else column.deviation(row)
     spread = "" if math.isnan(deviation) else f' <span class="deviation">± {deviation:.3f}</span>'
     return f'<td data-value="{sortable}"{" class=best" if marked else ""}>{text_of(value, digits)}{spread}</td>'

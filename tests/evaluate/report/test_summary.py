@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmark_examples import detector_result, pair_table
@@ -29,6 +31,15 @@ def test_pose_auc_at_fifty_points(result):
     assert row.rotation == pytest.approx(np.clip(1 - at.rotation_error, 0, 1).mean())
 
 
+def test_limits_of_the_pose_auc_are_the_protocols(result):
+    wide = summary(replace(result, protocol={**result.protocol, "rotation_limit": 5.0, "translation_limit": 0.5}))
+    assert wide.rotation == pytest.approx(np.clip(1 - result.budgets[50].rotation_error / 5, 0, 1).mean())
+    assert wide.translation == pytest.approx(np.clip(1 - 2 * result.budgets[50].translation_error, 0, 1).mean())
+    titles = {column.key: column.title for column in columns_of([wide])}
+    assert titles["pose_auc_5deg"] == "pose AUC-5° at 50"
+    assert titles["pose_auc_0.5m"] == "pose AUC-0.5 m at 50"
+
+
 def test_a_detector_that_always_fails():
     failed = detector_result("bad + RootSIFT", pair_table(np.random.default_rng(0), 5), quality=-1e9)
     assert np.isinf(failed.n_k).all()
@@ -50,8 +61,6 @@ def test_one_repeat_has_no_deviation():
 
 
 def test_no_budgets_and_other_ks():
-    from dataclasses import replace
-
     result = detector_result("SIFT", pair_table(np.random.default_rng(0), 5))
     assert main_budget(replace(result, budgets={})) is None
     assert np.isnan(summary(replace(result, budgets={})).translation)
