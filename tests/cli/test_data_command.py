@@ -78,7 +78,7 @@ def test_stats_tells_of_frames_that_cannot_be_read(images, tmp_path, capsys):
 def test_check_says_what_else_the_command_needs(tmp_path, capsys):
     write_sequence(tmp_path)
     _, out, _ = run(capsys, "check", tmp_path)
-    assert f"sips-train data=hpatches data.path={tmp_path} inliers=homography" in out
+    assert f"sips-train data=hpatches data.path={tmp_path} inliers=homography datamodule.val_fraction=0.34" in out
     write_run(tmp_path / "run", camera="stereo/left")
     _, out, _ = run(capsys, "check", tmp_path / "run")
     assert "data=robotcar" in out
