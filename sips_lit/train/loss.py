@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch.nn.functional as F
 from torch import Tensor
 
@@ -13,3 +15,8 @@ def inlierness_loss(logits: Tensor, inlier: Tensor, known: Tensor) -> Tensor:
     """
     losses = F.binary_cross_entropy_with_logits(logits, inlier.to(logits.dtype), reduction="none")
     return (losses * known).sum()
+
+
+def constant_loss(rate: float) -> float:
+    """Mean loss of the best constant prediction where a fraction ``rate`` of the points are inliers: their entropy in nats."""
+    return sum(-p * math.log(p) for p in (rate, 1 - rate) if p > 0)

@@ -20,7 +20,7 @@ from sips_lit.evaluate.verification import verify
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.dataset import unpack
 from sips_lit.train.loader import LabelledPair
-from sips_lit.train.loss import inlierness_loss
+from sips_lit.train.loss import constant_loss, inlierness_loss
 from sips_lit.types import Features, GreyImage, Reason
 
 
@@ -76,7 +76,9 @@ class SipsModule(L.LightningModule):
         self.log_dict({**rates, f"inlier_rate/{source}": rates["labels/inlier"]}, batch_size=1)
         self.log("train/points", float(len(known)), batch_size=1)
         self.log("data/skipped_pairs", float(pair.skipped), batch_size=1)
-        self.log("train/loss", loss.detach() / count, prog_bar=True, batch_size=1)
+        mean_loss = loss.detach() / count
+        self.log("train/loss", mean_loss, prog_bar=True, batch_size=1)
+        self.log("train/excess_loss", mean_loss - constant_loss(rates["labels/inlier"]), batch_size=1)
         self.log("inliers", rates["labels/inlier"], prog_bar=True, logger=False, batch_size=1)
 
     def validation_step(self, packed: Any, batch_idx: int) -> Any:

@@ -4,7 +4,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sips_lit.train.loss import inlierness_loss
+from sips_lit.train.loss import constant_loss, inlierness_loss
 
 POINTS = st.lists(st.tuples(st.floats(-12, 12), st.booleans(), st.booleans()), max_size=20)
 
@@ -51,3 +51,11 @@ def test_gradient():
     logits = torch.randn(12, dtype=torch.float64, generator=generator).mul(3).requires_grad_()
     inlier, known = torch.rand(12, generator=generator) < 0.4, torch.rand(12, generator=generator) < 0.8
     assert torch.autograd.gradcheck(lambda x: inlierness_loss(x, inlier, known), logits)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.1, 0.5, 0.9, 1.0])
+def test_no_constant_prediction_is_better_than_the_rate(rate):
+    inlier, known = torch.arange(100) < round(100 * rate), torch.ones(100, dtype=torch.bool)
+    tried = torch.linspace(-20, 20, 4001, dtype=torch.float64)
+    best = min(float(inlierness_loss(logit.expand(100), inlier, known)) / 100 for logit in tried)
+    assert constant_loss(rate) == pytest.approx(best, abs=1e-5)

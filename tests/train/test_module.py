@@ -95,6 +95,8 @@ def test_the_loss_is_its_plain_definition(gradient):
     assert float(loss.detach()) == pytest.approx(expected, rel=1e-5)
     assert terms == 5
     assert logged["train/loss"] == pytest.approx(expected / 5, rel=1e-5)
+    entropy = -(0.4 * np.log(0.4) + 0.6 * np.log(0.6))
+    assert logged["train/excess_loss"] == pytest.approx(expected / 5 - entropy, rel=1e-5)
     assert logged["train/points"] == 6  # those whose truth is unknown were selected, too
     assert logged["labels/inlier"] == logged["inlier_rate/city"] == pytest.approx(2 / 5)
     assert logged["labels/unmatched"] == logged["labels/lost"] == logged["labels/far"] == pytest.approx(1 / 5)
