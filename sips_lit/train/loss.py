@@ -18,5 +18,5 @@ def inlierness_loss(logits: Tensor, inlier: Tensor, known: Tensor) -> Tensor:
 
 
 def constant_loss(rate: float) -> float:
-    """Mean loss of the best constant prediction where a fraction ``rate`` of the points are inliers: their entropy in nats."""
+    """Mean loss of always predicting the fraction ``rate`` of the points that are inliers: their entropy in nats."""
     return sum(-p * math.log(p) for p in (rate, 1 - rate) if p > 0)
