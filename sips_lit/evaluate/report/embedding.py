@@ -17,6 +17,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.render.canvas import Picture
 
 _JPEG_QUALITY: Final = 78
+_ENLARGED: Final = 1.6  # pixels a point (1/72 inch) of a figure at most
 _WIDEST: Final = 960  # pixels of a picture in the page; the file beside it has them all
 
 
@@ -41,8 +42,9 @@ def inline_svg(figure: Figure, prefix: str, description: str) -> str:
     svg = re.sub(r'\bid="', f'id="{prefix}-', svg)
     svg = re.sub(r'(url\(|href=")#', rf"\1#{prefix}-", svg)
     opening, rest = svg.split(">", 1)
+    widest = round(_ENLARGED * figure.get_figwidth() * 72)  # or a small figure's letters would be headlines
     opening = re.sub(r' (width|height)="[^"]*"', "", opening)
-    return f'{opening} role="img" aria-label="{description}">{rest}'
+    return f'{opening} style="max-width: {widest}px" role="img" aria-label="{description}">{rest}'
 
 
 def picture_uri(image: Picture | Path) -> str:

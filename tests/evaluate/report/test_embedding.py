@@ -1,4 +1,5 @@
 import base64
+import re
 import xml.etree.ElementTree as ET
 
 import cv2
@@ -43,3 +44,10 @@ def test_pictures_keep_their_colours_and_shrink(tmp_path):
 def test_a_picture_that_is_not_there(tmp_path):
     with pytest.raises(BadInputError, match=r"no\.png cannot be read"):
         picture_uri(tmp_path / "no.png")
+
+
+def test_a_small_figure_stays_small():
+    small, large = figure(), figure()
+    large.set_size_inches(2 * small.get_figwidth(), small.get_figheight())
+    widths = [re.search(r"max-width: (\d+)px", inline_svg(f, "p", "d"))[1] for f in (small, large)]
+    assert int(widths[1]) == pytest.approx(2 * int(widths[0]), abs=1)
