@@ -39,9 +39,12 @@ def table(evaluations: Sequence[Evaluation]) -> str:
 
 
 def protocol_line(evaluation: Evaluation) -> str:
-    """One line that says how the numbers were obtained."""
+    """One line that says how the numbers were obtained; details within details are in the JSON."""
     p = evaluation.protocol
-    checks = "; ".join(", ".join(f"{key}={value}" for key, value in check.items()) for check in p["verification"])
+    plain = (
+        [(key, value) for key, value in check.items() if not isinstance(value, Mapping)] for check in p["verification"]
+    )
+    checks = "; ".join(", ".join(f"{key}={value}" for key, value in check) for check in plain)
     drawn = f"{p['pairs']} pairs of overlap >= {p['overlap']:g} (seed {p['seed']})"
     return f"k = {p['k']}, {drawn}, {p['search']} search, {checks}"
 

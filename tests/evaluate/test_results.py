@@ -1,5 +1,6 @@
 import csv
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -70,6 +71,12 @@ def test_the_protocol_in_a_line(corners):
     for part in ("k = 8", "5 pairs of overlap >= 0.5 (seed 0)", "exact search", "inliers=homography", "threshold=3.0"):
         assert part in line
     assert "\n" not in line
+
+
+def test_details_within_details_stay_out_of_the_line(corners):
+    nested = {**corners.protocol, "verification": [{"inliers": "stereo_p3p", "stereo": {"max_disparity": 192}}]}
+    line = protocol_line(replace(corners, protocol=nested))
+    assert line.endswith("inliers=stereo_p3p")
 
 
 def test_files(tmp_path, corners, learned):
