@@ -70,6 +70,18 @@ def run(stream: OneStepAhead, learner: Learner, steps: int | None = None) -> lis
     return taken
 
 
+def after_interruption(make, stop: int, folder) -> tuple[list[LabelledPair], OneStepAhead, Learner]:
+    """The pairs after ``stop`` of a stream that was stored then, with the stream and the learner that went on."""
+    learner = Learner()
+    first = make(learner)
+    run(first, learner, stop)
+    torch.save(first.state_dict(), folder / "state.pt")
+    resumed = Learner(steps=stop)
+    second = make(resumed)
+    second.load_state_dict(torch.load(folder / "state.pt", weights_only=True))
+    return run(second, resumed), second, resumed
+
+
 def assert_same(a: LabelledPair, b: LabelledPair) -> None:
     assert (a.name, a.source) == (b.name, b.source)
     torch.testing.assert_close((a.image0, a.image1), (b.image0, b.image1), rtol=0, atol=0)
@@ -118,14 +130,7 @@ def test_labels_are_of_the_points_and_images_of_their_pair(expected):
 @pytest.mark.parametrize("stop", [1, 3, LENGTH - 1])
 @pytest.mark.parametrize("loading", [0, 2])
 def test_a_resumed_stream_goes_on_as_if_never_interrupted(stop, loading, expected, tmp_path):
-    learner = Learner()
-    first = loader(learner, loading)
-    run(first, learner, stop)
-    torch.save(first.state_dict(), tmp_path / "state.pt")
-    resumed = Learner(steps=stop)
-    second = loader(resumed, loading)
-    second.load_state_dict(torch.load(tmp_path / "state.pt", weights_only=True))
-    rest = run(second, resumed)
+    rest, _, resumed = after_interruption(lambda learner: loader(learner, loading), stop, tmp_path)
     assert len(rest) == LENGTH - stop
     for pair, other in zip(rest, expected[stop:], strict=True):
         assert_same(pair, other)

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-import torch
-from test_loader import Learner, all_overlap, assert_same, run
+from test_loader import Learner, after_interruption, all_overlap, assert_same, run
 from textured_scenes import ArraySequence, flight
 
 from sips_lit.describe.sift import RootSift
@@ -80,14 +79,7 @@ def test_whatever_the_workers(loading, expected, capsys):
 @pytest.mark.parametrize("stop", [1, 5, LENGTH - 1])
 @pytest.mark.parametrize("loading", [0, 2])
 def test_after_an_interruption(stop, loading, expected, tmp_path):
-    learner = Learner()
-    first = loader(learner, loading)
-    run(first, learner, stop)
-    torch.save(first.state_dict(), tmp_path / "state.pt")
-    resumed = Learner(steps=stop)
-    second = loader(resumed, loading)
-    second.load_state_dict(torch.load(tmp_path / "state.pt", weights_only=True))
-    rest = run(second, resumed)
+    rest, second, _ = after_interruption(lambda learner: loader(learner, loading), stop, tmp_path)
     assert len(rest) == LENGTH - stop
     for pair, other in zip(rest, expected[stop:], strict=True):
         assert_same(pair, other)
