@@ -15,18 +15,18 @@ import cv2
 import numpy as np
 
 from sips_lit.baselines.shi_tomasi import ShiTomasi
+from sips_lit.datasets.kitti import kitti
 from sips_lit.describe.sift import RootSift
-from sips_lit.evaluate.benchmark import extract_all, run_contenders
-from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
-from sips_lit.evaluate.contender import Contender
 from sips_lit.evaluate.measure import Measures
-from sips_lit.evaluate.pair_choice import choose_pairs
-from sips_lit.evaluate.pair_file import ListedPair
-from sips_lit.frames.kitti import kitti
+from sips_lit.evaluate.method import Method
+from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.runner import extract_all, run_methods
 from sips_lit.frames.source import Source
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.pairs.choice import choose_pairs
+from sips_lit.pairs.pair_file import ListedPair
 from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
 
 WIDTH, HEIGHT, STEP, K, N_MAX, SLOW_PAIRS = 1241, 376, 6, 10, 200, 10
@@ -63,9 +63,9 @@ class Wall(ImageSequence):
         return pose
 
 
-def anew_at_every_n(pairs: BenchmarkPairs, cache: Path, contender: Contender) -> tuple[list[float], float]:
+def anew_at_every_n(pairs: PairSet, cache: Path, method: Method) -> tuple[list[float], float]:
     """n_k of the first pairs by cropping, matching and verifying for each n, and the time of that without features."""
-    features = extract_all(contender, pairs, cache, N_MAX, "features")
+    features = extract_all(method, pairs, cache, N_MAX, "features")
     check, needed, start = PoseDepthInliers(), [], time.perf_counter()
     for at, listed in enumerate(pairs.listed[:SLOW_PAIRS]):
         first, second = (features[listed.sequence, index].features for index in (listed.index0, listed.index1))
@@ -83,7 +83,7 @@ def main() -> None:
     parser.add_argument("kitti", nargs="?")
     parser.add_argument("--p3p", action="store_true")
     arguments = parser.parse_args()
-    contender = Contender("shi_tomasi", "Shi-Tomasi", ShiTomasi(), RootSift(), {})
+    method = Method("shi_tomasi", "Shi-Tomasi", ShiTomasi(), RootSift(), {})
     with tempfile.TemporaryDirectory() as folder:
         if arguments.kitti:
             sources = [Source(kitti(arguments.kitti))]
@@ -93,24 +93,24 @@ def main() -> None:
             starts = np.random.default_rng(0).integers(0, 40, (100, 2)) % [40, 10] + [0, 1]
             listed = [ListedPair(0, int(a), int(a + b), np.nan) for a, b in starts]
         cache = Path(folder) / "features"
-        extract_all(contender, BenchmarkPairs(sources, listed, PoseDepthInliers()), cache, N_MAX, "features")
+        extract_all(method, PairSet(sources, listed, PoseDepthInliers()), cache, N_MAX, "features")
         # a fresh start: only the features are kept
-        pairs = BenchmarkPairs(sources, listed, PoseDepthInliers())
+        pairs = PairSet(sources, listed, PoseDepthInliers())
         measures = Measures(n_max=N_MAX, pose=False, budgets=())
         for frames in ("frames read anew", "frames in memory"):  # as for the first detector, as for all others
             start = time.perf_counter()
-            (result,) = run_contenders([contender], pairs, measures, cache, workers=1)
+            (result,) = run_methods([method], pairs, measures, cache, workers=1)
             fast = time.perf_counter() - start
             print(f"exact succinctness of {len(pairs)} pairs, all k, {frames}: {fast:.1f} s (wanted: under 5 s)")
-        needed, slow = anew_at_every_n(pairs, cache, contender)
+        needed, slow = anew_at_every_n(pairs, cache, method)
         assert needed == result.n_k[: len(needed), 0, result.ks.index(K)].tolist(), "the two ways disagree"
         each = slow / len(needed)
         ratio = each / (fast / len(pairs))
         print(f"anew at every n: {1e3 * each:.0f} ms a pair, {ratio:.0f} times as long (wanted: 5 times), same n_k")
         if arguments.p3p:
-            pairs = BenchmarkPairs(sources, listed, StereoP3PInliers())
+            pairs = PairSet(sources, listed, StereoP3PInliers())
             start = time.perf_counter()
-            run_contenders([contender], pairs, Measures(ks=(K,), n_max=N_MAX, pose=False, budgets=()), cache)
+            run_methods([method], pairs, Measures(ks=(K,), n_max=N_MAX, pose=False, budgets=()), cache)
             print(
                 f"P3P, {len(pairs)} pairs, 5 repeats, k = {K}: {time.perf_counter() - start:.0f} s (wanted: under 180 s)"
             )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from sips_lit.frames.demo import demo_stills
+from sips_lit.datasets.demo import demo_stills
+from sips_lit.datasets.virtual_flight import flights_over
 from sips_lit.frames.folder import folder
-from sips_lit.frames.virtual_flight import flights_over
 from sips_lit.types import GreyImage, ImageSequence
 
 

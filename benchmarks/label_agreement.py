@@ -22,13 +22,13 @@ from tabulate import tabulate
 from sips_lit.baselines.fast import Fast
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
-from sips_lit.evaluate.agreement import Agreement, by_gap, pair_agreement
+from sips_lit.evaluate.label_quality import LabelQuality, by_gap, pair_label_quality
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
-from sips_lit.tracking.build import build_indexes
-from sips_lit.tracking.overlap import OverlapParameters
-from sips_lit.tracking.pairs import PairSampler, read_pair
+from sips_lit.pairs.build import build_indexes
+from sips_lit.pairs.overlap import OverlapParameters
+from sips_lit.pairs.sampler import PairSampler, read_pair
 from sips_lit.types import InlierCheck
 
 POINTS, BORDERS = 500, [1, 2, 4, 8, 16, 32]
@@ -46,7 +46,7 @@ HEADERS = [
 ]
 
 
-def row(overlap: float, truth: str, points: str, gap: str, pairs: int, found: Agreement) -> list[object]:
+def row(overlap: float, truth: str, points: str, gap: str, pairs: int, found: LabelQuality) -> list[object]:
     matches, true = found.judged + found.unknown, found.both + found.missed
     known, share = found.judged / max(matches, 1), true / max(found.judged, 1)
     return [overlap, truth, points, gap, pairs, matches, known, share, found.precision, found.recall]
@@ -56,7 +56,7 @@ def main() -> None:
     if len(sys.argv) not in (3, 4):
         sys.exit(__doc__)
     data, path, count = sys.argv[1], sys.argv[2], int(sys.argv[3]) if len(sys.argv) == 4 else 40
-    sequences = getattr(importlib.import_module(f"sips_lit.frames.{data}"), data)(path)
+    sequences = getattr(importlib.import_module(f"sips_lit.datasets.{data}"), data)(path)
     with tempfile.TemporaryDirectory() as folder:
         indexes = build_indexes(sequences, folder, OverlapParameters(), 2)
     check, descriptor = KltInliers(), RootSift()
@@ -68,8 +68,8 @@ def main() -> None:
         pairs = [read_pair(sequences[choice.sequence], choice.index0, choice.index1) for choice in choices]
         gaps = [abs(choice.index1 - choice.index0) for choice in choices]
         for (name, truth), detector in itertools.product(truths.items(), (ShiTomasi(), Fast())):
-            found = [pair_agreement(pair, detector, descriptor, check, truth, POINTS) for pair in pairs]
-            rows.append(row(overlap, name, detector.name, "all", len(pairs), sum(found, Agreement())))
+            found = [pair_label_quality(pair, detector, descriptor, check, truth, POINTS) for pair in pairs]
+            rows.append(row(overlap, name, detector.name, "all", len(pairs), sum(found, LabelQuality())))
             rows += [row(overlap, name, detector.name, *part) for part in by_gap(gaps, found, BORDERS) if part[1]]
     print(f"{data}, {POINTS} points an image, RootSIFT, pairs drawn as in training, OpenCV {cv2.__version__}\n")
     print(tabulate(rows, headers=HEADERS, tablefmt="github", floatfmt=".3f"))

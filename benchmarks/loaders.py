@@ -104,7 +104,7 @@ def main() -> None:
     options = {
         key: int(value) if value.isdecimal() else value for key, value in (o.split("=", 1) for o in arguments.option)
     }
-    loader = getattr(importlib.import_module(f"sips_lit.frames.{arguments.data}"), arguments.data)
+    loader = getattr(importlib.import_module(f"sips_lit.datasets.{arguments.data}"), arguments.data)
     opened = OpenedFiles()
     with tempfile.TemporaryDirectory() as folder:
         cache = {"cache_dir": folder} if "cache_dir" in inspect.signature(loader).parameters else {}

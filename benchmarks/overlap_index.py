@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from frames_to_use import Film, frames_from_arguments
 
+from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
 from sips_lit.tracking.klt import KltTracker
-from sips_lit.tracking.overlap import OverlapParameters, measure_overlap
 
 
 def bare_klt(film: Film, count: int) -> float:

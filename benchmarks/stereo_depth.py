@@ -45,7 +45,7 @@ def photograph() -> Iterator[tuple[GreyImage, GreyImage, np.ndarray]]:
 
 
 def frames(data: str, path: str, count: int) -> Iterator[tuple[GreyImage, GreyImage, np.ndarray]]:
-    sequence = getattr(importlib.import_module(f"sips_lit.frames.{data}"), data)(path)[0]
+    sequence = getattr(importlib.import_module(f"sips_lit.datasets.{data}"), data)(path)[0]
     for index in np.linspace(0, len(sequence) - 1, count).astype(int):
         left, right = sequence.frame(index), sequence.right(index)
         yield left, right, semi_global(left, right)

@@ -22,7 +22,7 @@ from sips_lit.describe.sift import RootSift
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor, logits_at
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.tracking.pairs import read_pair
+from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.labelling import label_pair

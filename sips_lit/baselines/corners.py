@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from sips_lit.baselines.cv_keypoints import best_keypoints
+from sips_lit.detect.ranking import best_keypoints
 from sips_lit.types import GreyImage, Keypoints
 
 _QUALITY = 1e-6  # of the strongest corner's measure: low, so that the budget alone cuts

@@ -5,8 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from sips_lit.baselines.cv_keypoints import attribute, best_keypoints, positions
+from sips_lit.baselines.cv_keypoints import attribute, positions
 from sips_lit.baselines.points_only import PointsOnly
+from sips_lit.detect.ranking import best_keypoints
 from sips_lit.types import GreyImage, Keypoints
 
 

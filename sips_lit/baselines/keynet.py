@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from sips_lit.baselines.cv_keypoints import best_keypoints
 from sips_lit.baselines.network_image import network_image
 from sips_lit.baselines.points_only import PointsOnly
 from sips_lit.baselines.weights import fill, import_kornia, read_weights
+from sips_lit.detect.ranking import best_keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage, Keypoints
 

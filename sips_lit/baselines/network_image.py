@@ -9,7 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from sips_lit.baselines.cv_keypoints import best_keypoints, ranked
+from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.types import Features, GreyImage, Keypoints
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from sips_lit.baselines.cv_keypoints import best_keypoints, ranked
 from sips_lit.baselines.feature_files import SavedFeatures, open_features
+from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import IMAGE_SUFFIXES, read_grey
 from sips_lit.types import Features, GreyImage, Keypoints, Norm

@@ -8,10 +8,10 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from sips_lit.baselines.cv_keypoints import best_keypoints, ranked
 from sips_lit.baselines.network_image import as_features, network_image
 from sips_lit.baselines.superpoint_network import CELL, SuperPointNetwork, is_rpautrat, to_our_names
 from sips_lit.baselines.weights import fill, read_weights
+from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.errors import BadInputError
 from sips_lit.types import Features, GreyImage, Keypoints
 

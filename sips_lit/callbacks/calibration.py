@@ -9,7 +9,7 @@ import torch
 
 from sips_lit.callbacks.tensorboard import writer_of
 from sips_lit.evaluate.evaluation import add_to_calibration
-from sips_lit.evaluate.verification import VerifiedPair
+from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.metrics.calibration import Calibration
 from sips_lit.render.reliability import draw_reliability
 

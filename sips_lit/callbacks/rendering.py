@@ -12,7 +12,7 @@ import torch
 from sips_lit.callbacks.tensorboard import writer_of
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import image_tensor
-from sips_lit.evaluate.verification import VerifiedPair
+from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.render.matches import draw_matches
 from sips_lit.types import FloatArray, GreyImage
 

@@ -8,7 +8,7 @@ import lightning as L
 import torch
 
 from sips_lit.callbacks.tensorboard import writer_of
-from sips_lit.evaluate.verification import VerifiedPair
+from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.metrics.succinctness import Succinctness
 from sips_lit.render.curves import draw_succinctness
 

@@ -12,24 +12,24 @@ import cv2
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from sips_lit.cli.app import build, run
-from sips_lit.cli.contenders import make_contenders, parse_entries
+from sips_lit.cli.methods import make_methods, parse_entries
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.benchmark import has_probabilities, run_contenders
-from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
-from sips_lit.evaluate.benchmark_pictures import draw_benchmark_pictures
-from sips_lit.evaluate.benchmark_result import PairSetResult
-from sips_lit.evaluate.benchmark_table import protocol_line, table
-from sips_lit.evaluate.contender import Contender
-from sips_lit.evaluate.frame_memory import FrameMemory
 from sips_lit.evaluate.measure import Measures
-from sips_lit.evaluate.pair_choice import choose_pairs
-from sips_lit.evaluate.pair_file import write_pair_file
-from sips_lit.evaluate.report.files import write_report
-from sips_lit.evaluate.report.pair_pictures import PairPicture
-from sips_lit.evaluate.report.summary import summary
-from sips_lit.frames.folder import safe_name
+from sips_lit.evaluate.method import Method
+from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.result import PairSetResult
+from sips_lit.evaluate.runner import has_probabilities, run_methods
+from sips_lit.files import safe_name
+from sips_lit.frames.frame_cache import FrameCache
 from sips_lit.frames.source import as_sources
-from sips_lit.render.score_video import write_score_video
+from sips_lit.inference.score_video import write_score_video
+from sips_lit.pairs.choice import choose_pairs
+from sips_lit.pairs.pair_file import write_pair_file
+from sips_lit.report.files import write_report
+from sips_lit.report.method_pictures import draw_benchmark_pictures
+from sips_lit.report.pair_pictures import PairPicture
+from sips_lit.report.summary import summary
+from sips_lit.report.terminal import protocol_line, table
 
 CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
 """Keys that say how pairs are chosen."""
@@ -38,12 +38,12 @@ MEASURED = tuple(field.name for field in fields(Measures))
 
 
 @dataclass(frozen=True, slots=True)
-class PairSet:
+class MeasuredPairSet:
     """A pair set, ready to be measured by ``measures``; ``chosen`` says how its pairs were."""
 
     key: str
     title: str
-    pairs: BenchmarkPairs
+    pairs: PairSet
     measures: Measures
     chosen: Mapping[str, Any]
 
@@ -54,19 +54,19 @@ def benchmark(config: DictConfig) -> float | None:
     entries = parse_entries(config.detectors)
     folder, cache = Path(config.paths.run), Path(config.features)
     skipped: dict[str, str] = {}
-    contenders = make_contenders(config, entries, _told(skipped))
+    methods = make_methods(config, entries, _told(skipped))
     results: list[PairSetResult] = []
     videos: list[Path] = []
     pictures: dict[tuple[str, str], Sequence[PairPicture]] = {}
     for pair_set in make_pair_sets(config, folder):
         pairs, measures, left_out = pair_set.pairs, pair_set.measures, dict(skipped)
-        measured = run_contenders(contenders, pairs, measures, cache, config.workers, pair_set.title, _told(left_out))
+        measured = run_methods(methods, pairs, measures, cache, config.workers, pair_set.title, _told(left_out))
         protocol = {**pairs.protocol, **pair_set.chosen}
-        videos += write_videos(folder / safe_name(pair_set.key), contenders, pairs, measures, config.video_frames)
+        videos += write_videos(folder / safe_name(pair_set.key), methods, pairs, measures, config.video_frames)
         results.append(PairSetResult(pair_set.key, pair_set.title, protocol, tuple(measured), left_out))
         print(f"\n{pair_set.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1], measures)}")
         if config.pictures:
-            drawn = draw_benchmark_pictures(measured, contenders, pairs, measures, cache)
+            drawn = draw_benchmark_pictures(measured, methods, pairs, measures, cache)
             pictures |= {(pair_set.key, key): of_detector for key, of_detector in drawn.items()}
     written = write_report(folder, results, pictures, date.today().isoformat()) + videos
     print("\nwrote:\n" + "\n".join(f"  {path}" for path in written))
@@ -74,16 +74,16 @@ def benchmark(config: DictConfig) -> float | None:
 
 
 def write_videos(
-    folder: Path, contenders: Sequence[Contender], pairs: BenchmarkPairs, measures: Measures, frames: int
+    folder: Path, methods: Sequence[Method], pairs: PairSet, measures: Measures, frames: int
 ) -> list[Path]:
     """A video of the first sequence by each different SIPs detector: score map and best points of every frame on its own."""
     written: dict[int, Path] = {}
     n = measures.budgets[0] if measures.budgets else measures.n_max
-    for contender in contenders if frames > 0 else ():
-        if has_probabilities(contender) and id(contender.detector) not in written:
-            path = folder / f"{contender.key}_scores.mp4"
-            write_score_video(path, pairs.sequences[0], contender.detector, n, frames)
-            written[id(contender.detector)] = path
+    for method in methods if frames > 0 else ():
+        if has_probabilities(method) and id(method.detector) not in written:
+            path = folder / f"{method.key}_scores.mp4"
+            write_score_video(path, pairs.sequences[0], method.detector, n, frames)
+            written[id(method.detector)] = path
     return list(written.values())
 
 
@@ -102,7 +102,7 @@ def best_auc(results: list[PairSetResult]) -> float | None:
     return max((summary(detector).auc for detector in results[0].detectors), default=None)
 
 
-def make_pair_sets(config: DictConfig, folder: Path) -> list[PairSet]:
+def make_pair_sets(config: DictConfig, folder: Path) -> list[MeasuredPairSet]:
     """The pair sets of the configuration, or else that of its data; each one's pairs are written to a file.
 
     Raises BadInputError for keys that a pair set does not have.
@@ -110,11 +110,11 @@ def make_pair_sets(config: DictConfig, folder: Path) -> list[PairSet]:
     entries: dict[str, Any] = {str(key): entry for key, entry in config.pair_sets.items() if entry is not None}
     if not entries:
         entries = {"data": OmegaConf.create({})}
-    memory = FrameMemory()
+    memory = FrameCache()
     return [_pair_set(config, key, entry, folder, memory) for key, entry in entries.items()]
 
 
-def _pair_set(config: DictConfig, key: str, entry: DictConfig, folder: Path, memory: FrameMemory) -> PairSet:
+def _pair_set(config: DictConfig, key: str, entry: DictConfig, folder: Path, memory: FrameCache) -> MeasuredPairSet:
     allowed = tuple(dict.fromkeys(("title", "data", "inliers", *CHOICE, *MEASURED)))
     unknown = next((str(name) for name in entry if name not in allowed), None)
     if unknown is not None:
@@ -129,13 +129,13 @@ def _pair_set(config: DictConfig, key: str, entry: DictConfig, folder: Path, mem
     data, inliers = build(value("data")), build(value("inliers"))
     sources = as_sources(data)
     listed = choose_pairs(sources, config.paths.indexes, **choice, workers=config.workers)
-    pairs = BenchmarkPairs(sources, listed, inliers, memory).judgeable()
+    pairs = PairSet(sources, listed, inliers, memory).judgeable()
     write_pair_file(folder / safe_name(key) / "pairs.csv", pairs.sequences, listed)
     if pairs.left_out:
         print(
             f"{key}: left out {len(pairs.left_out)} pairs whose depth or pose is not known: {', '.join(pairs.left_out)}"
         )
-    return PairSet(key, str(entry.get("title", key)), pairs, measures, _in_words(choice))
+    return MeasuredPairSet(key, str(entry.get("title", key)), pairs, measures, _in_words(choice))
 
 
 def _in_words(choice: Mapping[str, Any]) -> dict[str, Any]:

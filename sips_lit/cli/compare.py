@@ -18,16 +18,16 @@ def compare(config: DictConfig, checkpoint: Path, folder: Path) -> None:
 
     A detector is ``{detector, descriptor}``, a pair set ``{title, pairs, k}``; results go to ``folder``.
     """
-    contenders = {"sips": (SipsDetector.from_checkpoint(checkpoint), build(config.descriptor))}
+    methods = {"sips": (SipsDetector.from_checkpoint(checkpoint), build(config.descriptor))}
     for key, entry in config.detectors.items():
-        contenders[str(key)] = (build(entry.detector), build(entry.descriptor))
+        methods[str(key)] = (build(entry.detector), build(entry.descriptor))
     for name, entry in config.pair_sets.items():
         pairs = build(entry.pairs)
         results = {
             key: evaluate(detector, descriptor, pairs, entry.k, entry.n_max)
-            for key, (detector, descriptor) in contenders.items()
+            for key, (detector, descriptor) in methods.items()
         }
         print(f"\n{entry.title}\n\n{table(list(results.values()))}\n\n{protocol_line(results['sips'])}")
         write_results(folder / str(name), results)
-        write_match_pictures(folder / str(name), "sips", results["sips"], pairs, *contenders["sips"], config.n)
+        write_match_pictures(folder / str(name), "sips", results["sips"], pairs, *methods["sips"], config.n)
     print(f"\ncomparison:  {folder} (tables as JSON and CSV, curves, reliability, match pictures)")

@@ -13,15 +13,15 @@ from tabulate import tabulate
 from tqdm import tqdm
 
 from sips_lit.cli.app import INTERRUPTED, explain, quiet_opencv
-from sips_lit.datasets.check import DataSetReport, SequenceReport, check, remarks
-from sips_lit.datasets.download import Offer, fetch, read_catalogue, remote_size
-from sips_lit.datasets.recognise import DataSet, recognise
-from sips_lit.datasets.stats import GAPS, SequenceStats, draw_stats, sequence_stats
-from sips_lit.datasets.unpack import unpack
+from sips_lit.dataset_tools.check import DataSetReport, SequenceReport, check, remarks
+from sips_lit.dataset_tools.download import Offer, fetch, read_catalogue, remote_size
+from sips_lit.dataset_tools.recognise import DataSet, recognise
+from sips_lit.dataset_tools.stats import GAPS, SequenceStats, draw_stats, sequence_stats
+from sips_lit.dataset_tools.unpack import unpack
 from sips_lit.errors import BadInputError
 from sips_lit.frames.video import video
-from sips_lit.tracking.build import build_indexes, unreadable_frames
-from sips_lit.tracking.overlap import OverlapParameters
+from sips_lit.pairs.build import build_indexes, unreadable_frames
+from sips_lit.pairs.overlap import OverlapParameters
 from sips_lit.types import ImageSequence
 
 SHOWN = 30  # sequences and remarks that are printed of a data set
@@ -173,7 +173,7 @@ def download(offer: Offer, output: Path, yes: bool, ask: Callable[[str], str] = 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     top = argparse.ArgumentParser(
-        prog="sips-data", description="Looks at data sets, measures their motion, fetches them."
+        prog="sips-data", description="Styles at data sets, measures their motion, fetches them."
     )
     commands = top.add_subparsers(required=True, metavar="check | stats | download")
     cache = Path(os.environ.get("SIPS_LIT_DATA", "data"))

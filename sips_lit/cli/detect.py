@@ -17,9 +17,9 @@ from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.selection import PointSelector
-from sips_lit.detect.streams import FrameStream, open_stream
-from sips_lit.detect.writers import Format, PointWriter, open_writer
 from sips_lit.errors import BadInputError
+from sips_lit.inference.streams import FrameStream, open_stream
+from sips_lit.inference.writers import Format, PointWriter, open_writer
 
 
 @dataclass

@@ -15,7 +15,7 @@ BYTES = 32
 _EDGE = 31  # OpenCV drops points nearer to the border than this; the pattern and its blur reach less far
 
 
-class Orb:
+class OrbDescriptor:
     """Upright ORB: (N, 32) uint8, 256 packed bits. Scales are rounded to powers of sqrt(2)."""
 
     name: str = "ORB"

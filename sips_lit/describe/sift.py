@@ -17,7 +17,7 @@ DIMENSION = 128
 _BLUR_REACH = 6  # half the kernel of the blur with which SIFT begins
 
 
-class Sift:
+class SiftDescriptor:
     """Upright SIFT: (N, 128) float32, as OpenCV gives it (integers, length about 512, all zero where nothing varies).
 
     ``size`` is OpenCV's keypoint diameter in pixels at scale 1; the 4 x 4 cells are 1.5 times as wide, so that the
@@ -55,8 +55,8 @@ class Sift:
         return descriptors
 
 
-class RootSift(Sift):
-    """Upright RootSIFT: (N, 128) float32 of length 1 (all zero where nothing varies); arguments as of `Sift`."""
+class RootSift(SiftDescriptor):
+    """Upright RootSIFT: (N, 128) float32 of length 1 (all zero where nothing varies); arguments as of `SiftDescriptor`."""
 
     name = "RootSIFT"
 

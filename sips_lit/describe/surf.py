@@ -18,7 +18,7 @@ _SCALE_OF_SIZE = 1.2 / 9  # SURF's filter of 9 px is scale 1.2
 _REACH = 16  # mahotas drops points nearer to the border than about 15.5 times their scale
 
 
-class Surf:
+class SurfDescriptor:
     """SURF with the orientation that it finds at the point: (N, 64) float32 of length 1 (zero where nothing varies).
 
     ``size`` is the point's diameter in pixels at scale 1, as OpenCV counts it. Scales are rounded to powers of sqrt(2):

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from tqdm import tqdm
 
 from sips_lit.detect.budget import Budget
-from sips_lit.detect.streams import FrameStream
-from sips_lit.detect.writers import PointWriter
+from sips_lit.inference.streams import FrameStream
+from sips_lit.inference.writers import PointWriter
 from sips_lit.types import Detector
 
 

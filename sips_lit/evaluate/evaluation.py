@@ -14,12 +14,12 @@ from tqdm import tqdm
 
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.benchmark_result import NO_SCORES
 from sips_lit.evaluate.features import extract, has_scores
-from sips_lit.evaluate.judge import all_or_none
 from sips_lit.evaluate.pairs import PairSet
-from sips_lit.evaluate.verification import Search, VerifiedPair, verify
+from sips_lit.evaluate.result import NO_SCORES
 from sips_lit.inliers.point_labels import point_labels
+from sips_lit.inliers.verification import Search, VerifiedPair, verify
+from sips_lit.inliers.verifier import all_or_none
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
 from sips_lit.metrics.succinctness import Succinctness, SuccinctnessResult
 from sips_lit.types import Descriptor, Detector, Features, GreyImage

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from sips_lit.atomic import make_folder, write_whole
-from sips_lit.baselines.checked import Defects, checked
-from sips_lit.evaluate.contender import Contender
+from sips_lit.detect.sanitise import Defects, checked
 from sips_lit.evaluate.features import extract
+from sips_lit.evaluate.method import Method
+from sips_lit.files import make_folder, write_whole
 from sips_lit.types import Features, GreyImage, Keypoints
 
 
@@ -33,16 +33,16 @@ class ImageFeatures:
 
 
 class FeatureCache:
-    """Features of a contender in ``folder``, one file an image, named by the image's content.
+    """Features of a method in ``folder``, one file an image, named by the image's content.
 
     Another detector, descriptor, setting, weight, library version or ``n`` is another folder, so nothing stale is ever
     read. A file is written whole or not at all; a damaged one is computed again. Thread-safe where the detector is.
     """
 
-    def __init__(self, folder: str | Path, contender: Contender, n: int) -> None:
-        self.contender, self.n = contender, n
-        text = json.dumps({**contender.signature, "n": n}, sort_keys=True, default=str)
-        self.folder = Path(folder) / f"{contender.key}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    def __init__(self, folder: str | Path, method: Method, n: int) -> None:
+        self.method, self.n = method, n
+        text = json.dumps({**method.signature, "n": n}, sort_keys=True, default=str)
+        self.folder = Path(folder) / f"{method.key}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
         self._signature = text
         self._warm = False
 
@@ -61,8 +61,8 @@ class FeatureCache:
     def _compute(self, image: GreyImage) -> ImageFeatures:
         if not self._warm:  # the first call loads libraries and compiles: no time to report
             self._warm = True
-            _timed_extract(self.contender, image, self.n)
-        return _timed_extract(self.contender, image, self.n)
+            _timed_extract(self.method, image, self.n)
+        return _timed_extract(self.method, image, self.n)
 
 
 def image_key(image: GreyImage) -> str:
@@ -71,16 +71,16 @@ def image_key(image: GreyImage) -> str:
     return hashlib.blake2b(np.ascontiguousarray(image).data, digest_size=16, salt=salt).hexdigest()
 
 
-def _timed_extract(contender: Contender, image: GreyImage, n: int) -> ImageFeatures:
+def _timed_extract(method: Method, image: GreyImage, n: int) -> ImageFeatures:
     begin = time.perf_counter()
-    if contender.descriptor is None:
-        own, defects = checked(extract(contender.detector, None, image, n), image.shape, n)
+    if method.descriptor is None:
+        own, defects = checked(extract(method.detector, None, image, n), image.shape, n)
         return ImageFeatures(own, defects, {"detect": 1e3 * (time.perf_counter() - begin)})
-    keypoints, defects = checked(contender.detector.detect(image, n), image.shape, n)
+    keypoints, defects = checked(method.detector.detect(image, n), image.shape, n)
     detected = time.perf_counter()
-    descriptors = contender.descriptor.describe(image, keypoints)
+    descriptors = method.descriptor.describe(image, keypoints)
     milliseconds = {"detect": 1e3 * (detected - begin), "describe": 1e3 * (time.perf_counter() - detected)}
-    return ImageFeatures(Features(keypoints, descriptors, contender.descriptor.norm), defects, milliseconds)
+    return ImageFeatures(Features(keypoints, descriptors, method.descriptor.norm), defects, milliseconds)
 
 
 def _as_bytes(entry: ImageFeatures) -> bytes:

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.judge import Judge, Verdict, all_or_none
 from sips_lit.evaluate.pair_pose import PairPose, PoseErrors, PoseOutcome
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.point_labels import point_labels
+from sips_lit.inliers.verifier import VerifiedMatches, Verifier, all_or_none
 from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
 from sips_lit.metrics.spread import spread
 from sips_lit.types import Features, FramePair, Matches
@@ -109,7 +109,7 @@ def measure(
     pair: FramePair,
     features0: Features,
     features1: Features,
-    judge: Judge,
+    judge: Verifier,
     pose: PairPose | None,
     m: Measures,
     stereo: StereoMatcher,
@@ -139,7 +139,7 @@ def measure(
     return PairMeasurement(n_k, rotation, translation, budgets, outcomes, elapsed)
 
 
-def _errors_at(n_k: FloatArray, judge: Judge, pose: PairPose) -> tuple[FloatArray, FloatArray]:
+def _errors_at(n_k: FloatArray, judge: Verifier, pose: PairPose) -> tuple[FloatArray, FloatArray]:
     """Pose errors (R, K) of the matches at ``n_k`` (R, K) points."""
     rotation, translation = np.full(n_k.shape, math.inf), np.full(n_k.shape, math.inf)
     for repeat in range(len(n_k)):
@@ -153,22 +153,22 @@ def _at_budget(
     pair: FramePair,
     features0: Features,
     features1: Features,
-    judge: Judge,
+    judge: Verifier,
     pose: PairPose | None,
     moved: tuple[MovedPoints, MovedPoints] | None,
     n: int,
     m: Measures,
 ) -> BudgetMeasurement:
-    verdicts = [judge.at(n, repeat) for repeat in range(judge.repeats)]
+    verified = [judge.at(n, repeat) for repeat in range(judge.repeats)]
     poses = [PoseErrors(math.nan, math.nan, PoseOutcome.UNKNOWN)] * judge.repeats
     if pose is not None:
-        poses = [pose.errors(verdict.matches, repeat, m.pose_inliers) for repeat, verdict in enumerate(verdicts)]
-    first = verdicts[0]
+        poses = [pose.errors(verified.matches, repeat, m.pose_inliers) for repeat, verified in enumerate(verified)]
+    first = verified[0]
     xy0 = features0.keypoints.xy
     inlier0 = first.matches.index0[first.inliers.inlier]
     return BudgetMeasurement(
         matches=len(first.matches),
-        inliers=np.array([verdict.count for verdict in verdicts], np.int64),
+        inliers=np.array([verified.count for verified in verified], np.int64),
         rotation_error=np.array([pose.rotation for pose in poses]),
         translation_error=np.array([pose.translation for pose in poses]),
         outcome=np.array([pose.outcome for pose in poses], np.int64),
@@ -191,16 +191,16 @@ def _repeated(
 
 
 def _outcomes(
-    features0: Features, features1: Features, verdict: Verdict, n: int
+    features0: Features, features1: Features, verified: VerifiedMatches, n: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Predicted probability and truth of the ``n`` best points of both images, where the truth is known."""
     sides = (
-        (features0.keypoints.score[:n], verdict.matches.index0, verdict.inliers.known0),
-        (features1.keypoints.score[:n], verdict.matches.index1, verdict.inliers.known1),
+        (features0.keypoints.score[:n], verified.matches.index0, verified.inliers.known0),
+        (features1.keypoints.score[:n], verified.matches.index1, verified.inliers.known1),
     )
     scores, truths = [], []
     for score, point_of_match, known in sides:
-        labels = point_labels(verdict.inliers, point_of_match, known)
+        labels = point_labels(verified.inliers, point_of_match, known)
         scores.append(score[labels.known])
         truths.append(labels.inlier[labels.known])
     return np.concatenate(scores), np.concatenate(truths)

@@ -9,9 +9,9 @@ from typing import Any
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources
-from sips_lit.tracking.build import build_indexes, require_readable
-from sips_lit.tracking.overlap import OverlapParameters
-from sips_lit.tracking.source_pairs import FixedPairs, SourceSampler
+from sips_lit.pairs.build import build_indexes, require_readable
+from sips_lit.pairs.overlap import OverlapParameters
+from sips_lit.pairs.source_pairs import FixedPairs, SourceSampler
 from sips_lit.types import FramePair, ImageSequence, InlierCheck
 
 

@@ -10,7 +10,7 @@ from sips_lit.detect.detector import SipsDetector
 from sips_lit.evaluate.evaluation import Evaluation
 from sips_lit.evaluate.features import extract
 from sips_lit.evaluate.pairs import PairSet
-from sips_lit.evaluate.verification import verify
+from sips_lit.inliers.verification import verify
 from sips_lit.render.matches import draw_matches
 from sips_lit.types import Descriptor, Detector
 

@@ -14,12 +14,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from sips_lit.atomic import write_whole
 from sips_lit.detect.checkpoint import METADATA_KEY
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
 from sips_lit.export.safetensors import config_json
+from sips_lit.files import write_whole
 
 TOLERANCE: Final = 1e-4
 """Greatest difference of probabilities between PyTorch and ONNX Runtime that is let through."""

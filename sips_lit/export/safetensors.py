@@ -8,10 +8,10 @@ from pathlib import Path
 
 from safetensors.torch import save
 
-from sips_lit.atomic import write_whole
 from sips_lit.detect.checkpoint import METADATA_KEY
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
+from sips_lit.files import write_whole
 
 
 def config_json(network: ScoreNetwork, selector: PointSelector) -> str:

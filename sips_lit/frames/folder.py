@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import list_images, read_grey, resize_max_side
-from sips_lit.frames.layout import check_max_side
+from sips_lit.files import safe_name
+from sips_lit.frames.images import check_max_side, list_images, read_grey, resize_max_side
 from sips_lit.types import GreyImage, ImageSequence
 
 
@@ -73,11 +72,6 @@ def folder(path: str | Path | Sequence[str | Path], max_side: int | None = None)
     if not sequences:
         raise BadInputError("the list of folders is empty: data.path must name one folder of images at least")
     return _with_unique_names(sequences)
-
-
-def safe_name(name: str) -> str:
-    """The name with everything but letters, digits, dots, minus and underscore replaced."""
-    return re.sub(r"[^\w.-]+", "_", name) or "sequence"
 
 
 def _size_and_time(file: Path) -> tuple[int, int]:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import cv2
 
-from sips_lit.atomic import make_folder, write_whole
 from sips_lit.errors import BadInputError
+from sips_lit.files import make_folder, write_whole
 from sips_lit.frames.images import read_grey
 from sips_lit.types import GreyImage
 

@@ -101,3 +101,9 @@ def natural(name: str) -> list[tuple[int, int, str]]:
     """A sort key in which runs of digits compare as numbers."""
     parts = re.split(r"(\d+)", name)
     return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
+
+
+def check_max_side(max_side: int | None) -> None:
+    """Raises BadInputError for a ``max_side`` (pixels) too small to be meant."""
+    if max_side is not None and max_side < 16:
+        raise BadInputError(f"data.max_side is {max_side}: it must be at least 16 pixels, or null to keep the size")

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from sips_lit.atomic import write_whole
 from sips_lit.errors import BadInputError
-from sips_lit.frames.folder import safe_name
+from sips_lit.files import safe_name, write_whole
 from sips_lit.frames.images import resize_max_side
 from sips_lit.frames.shots import find_cuts
 from sips_lit.types import GreyImage, ImageSequence

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.folder import safe_name
+from sips_lit.files import safe_name
 from sips_lit.frames.images import IMAGE_SUFFIXES, decode_grey, natural, resize_max_side
 from sips_lit.types import GreyImage, ImageSequence
 

@@ -13,7 +13,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.geometry.point_depth import View, views
 from sips_lit.geometry.projection import sample_depth, transfer
 from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.inliers.both_ways import both_ways
+from sips_lit.inliers.symmetric import symmetric
 from sips_lit.types import FloatArray, FramePair, Inliers, Keypoints, Matches, Reason
 
 
@@ -78,7 +78,7 @@ class PreparedPoseDepth:
         own = self.own[0][matches.index0], self.own[1][matches.index1]
         forth = self._one_way(points[0], own[0], points[1], *self.views, self.T_1_0)
         back = self._one_way(points[1], own[1], points[0], *self.views[::-1], np.linalg.inv(self.T_1_0))
-        return both_ways(forth, back, matches, np.isfinite(self.own[0]), np.isfinite(self.own[1]))
+        return symmetric(forth, back, matches, np.isfinite(self.own[0]), np.isfinite(self.own[1]))
 
     def _one_way(
         self,

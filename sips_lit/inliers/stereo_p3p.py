@@ -15,7 +15,7 @@ from sips_lit.geometry.point_depth import views
 from sips_lit.geometry.pose import PoseEstimate
 from sips_lit.geometry.projection import back_project
 from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.inliers.both_ways import both_ways
+from sips_lit.inliers.symmetric import symmetric
 from sips_lit.types import Camera, FramePair, Inliers, Keypoints, Matches, Reason
 
 
@@ -107,7 +107,7 @@ class PreparedStereoP3P:
             _reasons(forth, self.side0.known[matches.index0]),
             _reasons(back, self.side1.known[matches.index1]),
         )
-        return both_ways(*ways, matches, self.side0.known, self.side1.known)
+        return symmetric(*ways, matches, self.side0.known, self.side1.known)
 
     def usable(self, matches: Matches) -> int:
         """How many of the M matches have the depth that `estimate` needs."""

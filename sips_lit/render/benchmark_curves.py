@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sips_lit.render.comparison import draw_comparison
-from sips_lit.render.detector_looks import Look
+from sips_lit.render.styles import Style
 
 
 def draw_succinctness_curves(
     curves: Mapping[str, NDArray[np.float64]],
     aucs: Mapping[str, float],
-    looks: Mapping[str, Look],
+    styles: Mapping[str, Style],
     k: int,
     legend: bool = True,
 ) -> Figure:
@@ -24,7 +24,7 @@ def draw_succinctness_curves(
     n_max = max((len(curve) - 1 for curve in curves.values()), default=1)
     figure = draw_comparison(
         {name: (np.arange(len(curves[name])), curves[name]) for name in best_first},
-        looks,
+        styles,
         {name: f"{name}  {aucs[name]:.3f}" for name in best_first},
         legend,
         steps=True,
@@ -41,7 +41,7 @@ def draw_succinctness_curves(
 
 def draw_against_k(
     values: Mapping[str, NDArray[np.float64]],
-    looks: Mapping[str, Look],
+    styles: Mapping[str, Style],
     ks: Sequence[int],
     ylabel: str,
     legend: bool = True,
@@ -52,7 +52,7 @@ def draw_against_k(
     best_first = sorted(values, key=lambda name: -means[name])
     return draw_comparison(
         {name: (np.asarray(ks)[order], values[name][order]) for name in best_first},
-        looks,
+        styles,
         {name: name for name in best_first},
         legend,
         ylim=(0, 1.02),

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from sips_lit.render.detector_looks import Look, literal
 from sips_lit.render.figure import clean, new_figure
+from sips_lit.render.styles import Style, literal
 
 WIDTH, HEIGHT, LEGEND_WIDTH, ENTRY_HEIGHT = 5.4, 3.8, 2.6, 0.175  # inches
 
@@ -24,7 +24,7 @@ def new_chart(entries: int, legend: bool, height: float = HEIGHT) -> Figure:
 
 def draw_comparison(
     curves: Mapping[str, tuple[ArrayLike, ArrayLike]],
-    looks: Mapping[str, Look],
+    styles: Mapping[str, Style],
     labels: Mapping[str, str],
     legend: bool = True,
     steps: bool = False,
@@ -32,34 +32,34 @@ def draw_comparison(
 ) -> Figure:
     """A curve (x, y) of each detector by name, in the legend in this order with its label; the legend stands outside.
 
-    With ``steps`` a value holds until the next x. Each line's id in an SVG file is ``curve-<index of its look>``.
+    With ``steps`` a value holds until the next x. Each line's id in an SVG file is ``curve-<index of its style>``.
     """
     figure = new_chart(len(curves), legend)
     axes = figure.add_subplot()
     clean(axes)
     for name, (x, y) in curves.items():
-        draw_curve(axes, x, y, looks[name], labels[name], steps)
+        draw_curve(axes, x, y, styles[name], labels[name], steps)
     axes.set(**axes_settings)
     if legend:
         put_legend(axes)
     return figure
 
 
-def draw_curve(axes: Axes, x: ArrayLike, y: ArrayLike, look: Look, label: str, steps: bool = False) -> None:
-    """One detector's line; markers, where the look has one, are few so that they do not hide it."""
+def draw_curve(axes: Axes, x: ArrayLike, y: ArrayLike, style: Style, label: str, steps: bool = False) -> None:
+    """One detector's line; markers, where the style has one, are few so that they do not hide it."""
     (line,) = axes.plot(
         x,
         y,
         label=literal(label),
-        color=look.colour,
-        linestyle=look.line,
+        color=style.colour,
+        linestyle=style.line,
         linewidth=1.4,
-        marker=look.marker or None,
+        marker=style.marker or None,
         markersize=4,
         markevery=(0.04, 0.15),
         drawstyle="steps-post" if steps else "default",
     )
-    line.set_gid(f"curve-{look.index}")
+    line.set_gid(f"curve-{style.index}")
 
 
 def put_legend(axes: Axes) -> None:

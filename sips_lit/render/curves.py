@@ -31,8 +31,8 @@ def draw_succinctness(results: Mapping[str, SuccinctnessResult]) -> Figure:
     axes.axhline(0.8, color="0.75", linewidth=0.8, linestyle=(0, (6, 4)))
 
     best_first = sorted(results.items(), key=lambda item: -np.nan_to_num(item[1].auc, nan=-1))
-    looks = zip(cycle(LINE_COLOURS), (style for style in cycle(("-", "--", ":", "-.")) for _ in LINE_COLOURS))
-    for (name, result), (colour, style) in zip(best_first, looks, strict=False):
+    styles = zip(cycle(LINE_COLOURS), (style for style in cycle(("-", "--", ":", "-.")) for _ in LINE_COLOURS))
+    for (name, result), (colour, style) in zip(best_first, styles, strict=False):
         axes.step(budgets, result.curve, where="post", label=_label(name, result), color=colour, linestyle=style)
     axes.set(xlim=(0, n_max), ylim=(0, 1.02), xlabel="points extracted per image, n")
     axes.set_ylabel(f"fraction of pairs with {k} inliers, s(n)")

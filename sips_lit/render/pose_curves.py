@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sips_lit.render.comparison import draw_comparison
-from sips_lit.render.detector_looks import Look
+from sips_lit.render.styles import Style
 
 
 def draw_pose_curves(
     curves: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
     aucs: Mapping[str, float],
-    looks: Mapping[str, Look],
+    styles: Mapping[str, Style],
     limit: float,
     error: str,
     legend: bool = True,
@@ -27,7 +27,7 @@ def draw_pose_curves(
     best_first = sorted(curves, key=lambda name: -aucs[name])
     return draw_comparison(
         {name: curves[name] for name in best_first},
-        looks,
+        styles,
         {name: f"{name}  {aucs[name]:.3f}" for name in best_first},
         legend,
         steps=True,

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sips_lit.render.detector_looks import literal
 from sips_lit.render.figure import clean, new_figure
+from sips_lit.render.styles import literal
 
 Floats = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from torch.utils.data import Dataset
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
-from sips_lit.tracking.pairs import read_pair
-from sips_lit.tracking.source_pairs import FixedPairs, SourcePair, SourceSampler
+from sips_lit.pairs.sampler import read_pair
+from sips_lit.pairs.source_pairs import FixedPairs, SourcePair, SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.types import FramePair, GreyImage, InlierCheck
 

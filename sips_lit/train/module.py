@@ -16,7 +16,7 @@ from torch.optim.lr_scheduler import LRScheduler
 
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor, logits_at
-from sips_lit.evaluate.verification import verify
+from sips_lit.inliers.verification import verify
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.dataset import unpack
 from sips_lit.train.loader import LabelledPair

@@ -3,7 +3,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sips_lit.baselines.cv_keypoints import attribute, best_keypoints, positions, ranked
+from sips_lit.baselines.cv_keypoints import attribute, positions
+from sips_lit.detect.ranking import best_keypoints, ranked
 
 points = st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2))
 

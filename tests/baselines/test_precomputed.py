@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from sips_lit.baselines.precomputed import PrecomputedDetector
-from sips_lit.detect.streams import Frame
-from sips_lit.detect.writers import NpzWriter
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey
+from sips_lit.inference.streams import Frame
+from sips_lit.inference.writers import NpzWriter
 from sips_lit.types import Keypoints
 
 XY = np.array([[5.25, 6.5], [20, 3], [11, 12.75]], np.float32)

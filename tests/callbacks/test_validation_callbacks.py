@@ -12,10 +12,10 @@ from sips_lit.callbacks.rendering import MatchPictures, score_map
 from sips_lit.callbacks.succinctness import SuccinctnessValidation
 from sips_lit.callbacks.tensorboard import writer_of
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.evaluate.verification import VerifiedPair, verify
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
-from sips_lit.tracking.pairs import read_pair
+from sips_lit.inliers.verification import VerifiedPair, verify
+from sips_lit.pairs.sampler import read_pair
 from sips_lit.types import Features
 
 N = 30

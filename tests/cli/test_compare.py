@@ -14,7 +14,7 @@ def test_a_comparison_prints_and_writes_a_table_a_pair_set(frames, checkpoint, t
         "index_folder": str(tmp_path / "indexes"),
         "pairs": 3,
     }
-    sift = {"_target_": "sips_lit.baselines.sift.Sift"}
+    sift = {"_target_": "sips_lit.baselines.sift.SiftDetector"}
     config = {
         "n": 20,
         "descriptor": descriptor,

@@ -131,7 +131,7 @@ def sources_of(name: str, tmp_path: Path) -> list[str]:
 def test_every_data_set_composes(command, name):
     config = composed(command, f"data={name}", "paths.run=x")
     target = config.data._target_
-    assert target.startswith("sips_lit.frames.")
+    assert target.startswith(("sips_lit.frames.", "sips_lit.datasets."))
     assert callable(instantiate({"_target_": target, "_partial_": True}))
 
 

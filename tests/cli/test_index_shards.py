@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 from textured_scenes import flight
 
 from sips_lit.cli.index import recordings
-from sips_lit.tracking.index_summary import COLUMNS
+from sips_lit.pairs.index_summary import COLUMNS
 
 SHARDS = "shard=1/2,2/2"
 
@@ -92,7 +92,7 @@ def test_a_list_of_videos(command, folders, videos):
 def test_training_finds_the_indexes(command, folders, videos, monkeypatch):
     (videos / "b" / "b.avi").unlink()
     assert command("index", *given(videos)).code == 0
-    monkeypatch.setattr("sips_lit.tracking.build.measure_overlap", None)
+    monkeypatch.setattr("sips_lit.pairs.build.measure_overlap", None)
     result = command("evaluate", "detector=fast", "checkpoint=none", "pairs=3", *given(videos))
     assert result.code == 0, result.err
 
@@ -116,7 +116,11 @@ def test_the_videos_of_a_mixture_are_decoded_in_their_turn(folders, videos):
     still = folders / "still.png"
     cv2.imwrite(str(still), flight(1, size=(200, 160)).frames[0])
     video = {"_target_": "sips_lit.frames.video.video", "path": str(videos / "*.avi"), "cache_dir": str(folders / "f")}
-    flights = {"_target_": "sips_lit.frames.virtual_flight.virtual_flight", "path": str(still), "flights_per_still": 2}
+    flights = {
+        "_target_": "sips_lit.datasets.virtual_flight.virtual_flight",
+        "path": str(still),
+        "flights_per_still": 2,
+    }
     sources = {"a": {"sequences": video}, "none": None, "b": {"sequences": flights}}
     parts = recordings(OmegaConf.create({"_target_": "sips_lit.frames.source.mixture", "sources": sources}))
     assert [part.where for part in parts] == [

@@ -33,6 +33,12 @@ def detector() -> SipsDetector:
     return tiny_detector()
 
 
+def type_of(given) -> str:
+    """Names a test by the type of image that it takes."""
+    mode = getattr(given, "mode", "")
+    return f"{type(given).__name__}-{mode if isinstance(mode, str) else ''}{getattr(given, 'dtype', '')}"
+
+
 @pytest.mark.parametrize(
     "given",
     [
@@ -55,7 +61,7 @@ def detector() -> SipsDetector:
         torch.from_numpy(GREY)[None] / 255,
         (torch.from_numpy(GREY) / 255).requires_grad_(),
     ],
-    ids=lambda given: f"{type(given).__name__}-{getattr(given, 'mode', '')}{getattr(given, 'dtype', '')}",
+    ids=type_of,
 )
 def test_every_type_of_image_gives_the_same_points(detector, given):
     with warnings.catch_warnings():
@@ -75,7 +81,7 @@ def test_every_type_of_image_gives_the_same_points(detector, given):
         PIL.Image.fromarray(RGB).convert("CMYK"),
         torch.from_numpy(RGB).permute(2, 0, 1),
     ],
-    ids=lambda given: f"{type(given).__name__}-{getattr(given, 'mode', '')}{getattr(given, 'dtype', '')}",
+    ids=type_of,
 )
 def test_colours_are_red_green_blue(given):
     grey = as_grey(given)

@@ -1,12 +1,12 @@
 import pytest
 from textured_scenes import flight
-from tiny_contenders import CONTENDERS, MEASURES
+from tiny_methods import MEASURES, METHODS
 
-from sips_lit.evaluate.benchmark import run_contenders
-from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
-from sips_lit.evaluate.pair_choice import choose_pairs
+from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.runner import run_methods
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.pairs.choice import choose_pairs
 
 
 @pytest.fixture(scope="session")
@@ -23,5 +23,5 @@ def flights(benchmark_folder):
 @pytest.fixture(scope="session")
 def measured_flights(flights, benchmark_folder):
     sequences, listed = flights
-    pairs = BenchmarkPairs([Source(sequences)], listed, HomographyInliers())
-    return pairs, run_contenders(CONTENDERS, pairs, MEASURES, benchmark_folder / "features")
+    pairs = PairSet([Source(sequences)], listed, HomographyInliers())
+    return pairs, run_methods(METHODS, pairs, MEASURES, benchmark_folder / "features")

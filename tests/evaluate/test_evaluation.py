@@ -5,9 +5,9 @@ import pytest
 import torch
 from textured_scenes import ArraySequence, flight, texture
 
-from sips_lit.baselines.orb import Orb
+from sips_lit.baselines.orb import OrbDetector
 from sips_lit.baselines.shi_tomasi import ShiTomasi
-from sips_lit.baselines.sift import Sift
+from sips_lit.baselines.sift import SiftDetector
 from sips_lit.describe.sift import RootSift
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
@@ -46,7 +46,7 @@ def cropped_inliers(pair, check, detector, descriptor):
 
 @pytest.mark.parametrize(
     ("detector", "descriptor"),
-    [(ShiTomasi(), RootSift()), (Sift(), None), (Orb(), None)],
+    [(ShiTomasi(), RootSift()), (SiftDetector(), None), (OrbDetector(), None)],
     ids=["corners", "sift", "orb"],
 )
 def test_n_k_by_its_definition(pairs, detector, descriptor):
@@ -94,7 +94,7 @@ def test_the_protocol_is_complete(pairs):
     assert p["verification"][0]["threshold"] == 3.0
     assert p["versions"] == versions()
     assert set(versions()) >= {"sips_lit", "torch", "opencv", "numpy"}
-    assert evaluate(Sift(), None, pairs, 8, 60).protocol["descriptor"] == "own"
+    assert evaluate(SiftDetector(), None, pairs, 8, 60).protocol["descriptor"] == "own"
 
 
 def test_calibration_only_of_probabilities(pairs):
@@ -112,8 +112,8 @@ def test_the_same_result_twice(pairs):
 
 def test_names(pairs):
     assert evaluate(ShiTomasi(), RootSift(), pairs, 8, 60).name == f"{ShiTomasi().name} + {RootSift().name}"
-    assert evaluate(Sift(), None, pairs, 8, 60).name == Sift().name
-    assert evaluate(Sift(), None, pairs, 8, 60, name="mine").name == "mine"
+    assert evaluate(SiftDetector(), None, pairs, 8, 60).name == SiftDetector().name
+    assert evaluate(SiftDetector(), None, pairs, 8, 60, name="mine").name == "mine"
 
 
 def test_points_need_a_descriptor(pairs):

@@ -5,21 +5,21 @@ import pytest
 from textured_scenes import keypoints, texture
 
 from sips_lit.baselines.shi_tomasi import ShiTomasi
-from sips_lit.baselines.sift import Sift
-from sips_lit.describe.orb import Orb
+from sips_lit.baselines.sift import SiftDetector
+from sips_lit.describe.orb import OrbDescriptor
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.contender import Contender
 from sips_lit.evaluate.feature_cache import FeatureCache, image_key
 from sips_lit.evaluate.features import extract
+from sips_lit.evaluate.method import Method
 from sips_lit.types import Keypoints
 
 IMAGE = texture(90, 120)
 KEY = image_key(IMAGE)
 
 
-def contender(detector=None, descriptor=None, **signature) -> Contender:
-    return Contender("key", "Name", detector or ShiTomasi(), descriptor or RootSift(), signature)
+def method(detector=None, descriptor=None, **signature) -> Method:
+    return Method("key", "Name", detector or ShiTomasi(), descriptor or RootSift(), signature)
 
 
 def never():
@@ -27,10 +27,12 @@ def never():
 
 
 @pytest.mark.parametrize(
-    ("detector", "descriptor"), [(ShiTomasi(), RootSift()), (Sift(), None), (ShiTomasi(), Orb())], ids=str
+    ("detector", "descriptor"),
+    [(ShiTomasi(), RootSift()), (SiftDetector(), None), (ShiTomasi(), OrbDescriptor())],
+    ids=lambda part: type(part).__name__,
 )
 def test_what_is_stored_is_what_was_computed(tmp_path, detector, descriptor):
-    who = Contender("key", "Name", detector, descriptor, {})
+    who = Method("key", "Name", detector, descriptor, {})
     first = FeatureCache(tmp_path, who, 30)(KEY, lambda: IMAGE)
     stored = FeatureCache(tmp_path, who, 30)(KEY, never)
     expected = extract(detector, descriptor, IMAGE, 30)
@@ -48,12 +50,12 @@ def test_what_is_stored_is_what_was_computed(tmp_path, detector, descriptor):
 
 
 def test_anything_else_is_computed_anew(tmp_path):
-    cache = FeatureCache(tmp_path, contender(size=8), 30)
+    cache = FeatureCache(tmp_path, method(size=8), 30)
     cache(KEY, lambda: IMAGE)
     others = [
-        FeatureCache(tmp_path, contender(size=9), 30),
-        FeatureCache(tmp_path, contender(size=8, weights="x"), 30),
-        FeatureCache(tmp_path, contender(size=8), 31),
+        FeatureCache(tmp_path, method(size=9), 30),
+        FeatureCache(tmp_path, method(size=8, weights="x"), 30),
+        FeatureCache(tmp_path, method(size=8), 31),
     ]
     assert len({cache.folder, *(other.folder for other in others)}) == 4
     for other in others:
@@ -70,7 +72,7 @@ def test_the_key_tells_images_apart():
 
 @pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:200] + b"x" + b[201:]])
 def test_a_damaged_file_is_computed_again(tmp_path, damage):
-    cache = FeatureCache(tmp_path, contender(), 30)
+    cache = FeatureCache(tmp_path, method(), 30)
     before = cache(KEY, lambda: IMAGE)
     file = cache.folder / f"{KEY}.npz"
     whole = file.read_bytes()
@@ -82,7 +84,7 @@ def test_a_damaged_file_is_computed_again(tmp_path, damage):
 
 def test_a_kill_leaves_what_was_finished(tmp_path):
     """A process that dies while it writes leaves a temporary file, which nobody reads."""
-    cache = FeatureCache(tmp_path, contender(), 30)
+    cache = FeatureCache(tmp_path, method(), 30)
     cache(KEY, lambda: IMAGE)
     other = texture(90, 120, 1)
     (cache.folder / f".{image_key(other)}.npz.1.tmp").write_bytes(b"half")
@@ -102,7 +104,7 @@ class Broken:
 
 
 def test_defects_are_mended_counted_and_stored(tmp_path):
-    cache = FeatureCache(tmp_path, contender(Broken()), 10)
+    cache = FeatureCache(tmp_path, method(Broken()), 10)
     computed, stored = cache(KEY, lambda: IMAGE), cache(KEY, never)
     np.testing.assert_array_equal(stored.features.keypoints.xy, [[40, 30], [10, 10], [20, 30]])
     counts = dataclasses.asdict(stored.defects)
@@ -114,7 +116,7 @@ def test_defects_are_mended_counted_and_stored(tmp_path):
 
 def test_no_points(tmp_path):
     flat = np.full((60, 60), 9, np.uint8)
-    cache = FeatureCache(tmp_path, contender(), 10)
+    cache = FeatureCache(tmp_path, method(), 10)
     for read in (lambda: flat, never):
         assert len(cache(image_key(flat), read).features) == 0
 
@@ -122,4 +124,4 @@ def test_no_points(tmp_path):
 def test_a_folder_that_can_not_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BadInputError, match="cannot make the folder"):
-        FeatureCache(tmp_path / "file", contender(), 10)(KEY, lambda: IMAGE)
+        FeatureCache(tmp_path / "file", method(), 10)(KEY, lambda: IMAGE)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from textured_scenes import keypoints, texture
 
-from sips_lit.describe.orb import Orb
+from sips_lit.describe.orb import OrbDescriptor
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import extract
 from sips_lit.types import Features
@@ -29,10 +29,10 @@ class Diagonal:
 @pytest.mark.parametrize("describes", [True, False])
 @pytest.mark.parametrize("n", [0, 7, 99])
 def test_a_given_descriptor_describes_the_points(describes, n):
-    features = extract(Diagonal(describes), Orb(), IMAGE, n)
+    features = extract(Diagonal(describes), OrbDescriptor(), IMAGE, n)
     points = Diagonal(describes).detect(IMAGE, n)
     np.testing.assert_array_equal(features.keypoints.xy, points.xy)
-    np.testing.assert_array_equal(features.descriptors, Orb().describe(IMAGE, points))
+    np.testing.assert_array_equal(features.descriptors, OrbDescriptor().describe(IMAGE, points))
     assert features.norm == "hamming"
     assert len(features) == min(n, 12)
 

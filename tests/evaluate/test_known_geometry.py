@@ -11,22 +11,22 @@ import pytest
 from oracle import Oracle
 from stereo_scenes import StereoScene
 from textured_scenes import texture
-from tiny_contenders import contender
+from tiny_methods import method
 from wall_scene import Wall
 
-from sips_lit.evaluate.benchmark import run_contenders
-from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
+from sips_lit.datasets.virtual_flight import VirtualFlight
 from sips_lit.evaluate.measure import Measures
-from sips_lit.evaluate.pair_file import ListedPair
 from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.report.summary import summary
+from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.runner import run_methods
 from sips_lit.frames.source import Source
-from sips_lit.frames.virtual_flight import VirtualFlight
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.geometry.projection import sample_depth, transfer
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
+from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.report.summary import summary
 
 M = Measures(ks=(10, 12), n_max=40, budgets=(20,), repeats=2, calibration=(), iterations=300)
 PAIRS = [ListedPair(0, 0, 1, 0.9), ListedPair(0, 0, 2, 0.8), ListedPair(0, 0, 3, 0.7)]
@@ -71,9 +71,9 @@ def in_flight():
 def run(scene, check, folder):
     sequence, where = scene
     assert len(where[0]) >= 24
-    pairs = BenchmarkPairs([Source([sequence])], PAIRS, check)
-    oracle = contender(Oracle(sequence, where, wrong), None, "oracle")
-    (result,) = run_contenders([oracle], pairs, M, folder, workers=1)
+    pairs = PairSet([Source([sequence])], PAIRS, check)
+    oracle = method(Oracle(sequence, where, wrong), None, "oracle")
+    (result,) = run_methods([oracle], pairs, M, folder, workers=1)
     return result
 
 

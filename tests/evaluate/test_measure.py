@@ -7,10 +7,10 @@ import pytest
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.judge import Verdict
 from sips_lit.evaluate.measure import Measures, measure
 from sips_lit.evaluate.pair_pose import PoseErrors, PoseOutcome
 from sips_lit.geometry.stereo import StereoMatcher
+from sips_lit.inliers.verifier import VerifiedMatches
 from sips_lit.types import Features, FramePair, Inliers, Matches, Reason
 
 IMAGE = np.zeros((80, 160), np.uint8)  # cells of the 8 x 8 grid are 20 x 10 pixels
@@ -40,7 +40,7 @@ class Known:
         index = np.arange(min(n, 4))
         reason = np.where(index < 2 - repeat, Reason.INLIER, Reason.FAR).astype(np.uint8)
         known = np.ones(4, bool)[:n]
-        return Verdict(Matches(index, index), Inliers(reason == Reason.INLIER, reason, known, known))
+        return VerifiedMatches(Matches(index, index), Inliers(reason == Reason.INLIER, reason, known, known))
 
     def needed(self, k, n_max, repeat):
         return self.answers.get((k, repeat))

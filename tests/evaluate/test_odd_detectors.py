@@ -5,24 +5,24 @@ import math
 import cv2
 import numpy as np
 import pytest
-from tiny_contenders import contender
+from tiny_methods import method
 from wall_scene import Wall
 
 from sips_lit.baselines.precomputed import PrecomputedDetector
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.benchmark import run_contenders
-from sips_lit.evaluate.benchmark_pairs import BenchmarkPairs
-from sips_lit.evaluate.benchmark_result import PairSetResult
-from sips_lit.evaluate.benchmark_table import table
 from sips_lit.evaluate.measure import Measures
-from sips_lit.evaluate.pair_file import ListedPair
 from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.report.files import write_report
-from sips_lit.evaluate.report.summary import summary
+from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.result import PairSetResult
+from sips_lit.evaluate.runner import run_methods
 from sips_lit.frames.source import Source
 from sips_lit.inliers.pose_depth import PoseDepthInliers
+from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.report.files import write_report
+from sips_lit.report.summary import summary
+from sips_lit.report.terminal import table
 from sips_lit.types import Keypoints
 
 M = Measures(ks=(5, 8), n_max=40, budgets=(20,), repeats=2, calibration=(), iterations=100)
@@ -75,16 +75,14 @@ SPOILS = {
 }
 
 
-def pairs_of(wall=None) -> BenchmarkPairs:
-    return BenchmarkPairs(
-        [Source([wall or Wall(4)])], [ListedPair(0, 0, 2, 1), ListedPair(0, 1, 3, 1)], PoseDepthInliers()
-    )
+def pairs_of(wall=None) -> PairSet:
+    return PairSet([Source([wall or Wall(4)])], [ListedPair(0, 0, 2, 1), ListedPair(0, 1, 3, 1)], PoseDepthInliers())
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    odd = [contender(Odd(spoil), RootSift(), key) for key, spoil in SPOILS.items()]
-    return {r.key: r for r in run_contenders(odd, pairs_of(), M, tmp_path_factory.mktemp("odd"))}
+    odd = [method(Odd(spoil), RootSift(), key) for key, spoil in SPOILS.items()]
+    return {r.key: r for r in run_methods(odd, pairs_of(), M, tmp_path_factory.mktemp("odd"))}
 
 
 @pytest.mark.parametrize("key", ["twice", "nan_score", "infinite", "outside", "shuffled"])
@@ -150,8 +148,8 @@ def test_arrays_that_do_not_belong_together(tmp_path):
         return xy, score[:-1]
 
     told = {}
-    measured = run_contenders(
-        [contender(Odd(broken), RootSift(), "broken"), contender(ShiTomasi(), RootSift(), "good")],
+    measured = run_methods(
+        [method(Odd(broken), RootSift(), "broken"), method(ShiTomasi(), RootSift(), "good")],
         pairs_of(),
         M,
         tmp_path,
@@ -175,8 +173,8 @@ def saved(tmp_path):
 
 def test_points_without_scores_are_judged_at_their_own_number_only(saved, tmp_path):
     m = Measures(ks=(5, 8), n_max=40, budgets=(10, 20, 30), calibration=(), iterations=100)
-    lfnet, corners = run_contenders(
-        [contender(saved, RootSift(), "lfnet"), contender(ShiTomasi(), RootSift(), "corners")], pairs_of(), m, tmp_path
+    lfnet, corners = run_methods(
+        [method(saved, RootSift(), "lfnet"), method(ShiTomasi(), RootSift(), "corners")], pairs_of(), m, tmp_path
     )
     assert set(np.unique(lfnet.n_k)) <= {20, math.inf}
     assert set(lfnet.budgets) == {20, 30}  # which ten are the best nobody knows
@@ -193,7 +191,7 @@ def test_points_without_scores_are_judged_at_their_own_number_only(saved, tmp_pa
 def test_more_points_without_scores_than_can_be_asked_for(saved, tmp_path):
     told = {}
     few = Measures(ks=(5,), n_max=10, budgets=(10,), calibration=())
-    run_contenders([contender(saved, RootSift(), "lfnet")], pairs_of(), few, tmp_path, on_skip=told.__setitem__)
+    run_methods([method(saved, RootSift(), "lfnet")], pairs_of(), few, tmp_path, on_skip=told.__setitem__)
     assert "20 points without scores, of which nobody knows the 10 best" in told["lfnet"]
 
 

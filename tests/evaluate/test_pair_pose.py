@@ -7,7 +7,7 @@ from wall_scene import DISTANCE, FOCAL, Wall
 
 from sips_lit.evaluate.pair_pose import PoseOutcome, for_repeat, pair_pose
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
-from sips_lit.tracking.pairs import read_pair
+from sips_lit.pairs.sampler import read_pair
 from sips_lit.types import Matches
 
 CHECK = StereoP3PInliers(iterations=200)

@@ -9,7 +9,8 @@ import pytest
 from textured_scenes import texture
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.folder import folder, safe_name
+from sips_lit.files import safe_name
+from sips_lit.frames.folder import folder
 
 
 def fill(place: Path, count: int = 3, size: tuple[int, int] = (48, 64), seed: int = 0, name: str = "{}.png") -> Path:

@@ -7,8 +7,8 @@ import pytest
 from textured_scenes import flight, texture
 from video_files import decoded
 
+from sips_lit.datasets.demo import demo_video_path
 from sips_lit.errors import BadInputError
-from sips_lit.frames.demo import demo_video_path
 from sips_lit.frames.shots import find_cuts
 from sips_lit.types import GreyImage
 
@@ -93,7 +93,7 @@ def test_the_cut_of_the_demonstration_video():
 
 @pytest.mark.shared_data
 def test_no_cut_in_real_shots(shared_data: Path):
-    clips = sorted(shared_data.rglob("*.mp4"))
+    clips = sorted(clip for folder in ("udacity_lanes", "video_clips") for clip in (shared_data / folder).glob("*.mp4"))
     assert clips
     for clip in clips:
         frames = decoded(clip)

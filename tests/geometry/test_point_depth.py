@@ -7,7 +7,7 @@ from sips_lit.geometry.mirror import flip_camera
 from sips_lit.geometry.point_depth import View, views
 from sips_lit.geometry.projection import sample_depth
 from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.tracking.pairs import read_pair
+from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import mirror_pair
 
 STEREO = StereoMatcher(max_disparity=64)

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from stereo_scenes import BASELINE, FOCAL, StereoScene
 from textured_scenes import texture
 
+from sips_lit.datasets.euroc import euroc
+from sips_lit.datasets.kitti import kitti
 from sips_lit.errors import BadInputError
-from sips_lit.frames.euroc import euroc
-from sips_lit.frames.kitti import kitti
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.types import GreyImage
 

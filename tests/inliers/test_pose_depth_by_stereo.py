@@ -11,7 +11,7 @@ from textured_scenes import keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
-from sips_lit.tracking.pairs import read_pair
+from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.labelling import label_pair
 from sips_lit.types import Inliers, Keypoints, Matches, PreparableCheck, Reason
 

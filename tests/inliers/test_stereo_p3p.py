@@ -7,11 +7,11 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.verification import verify
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.geometry.projection import sample_depth, transfer
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
-from sips_lit.tracking.pairs import read_pair
+from sips_lit.inliers.verification import verify
+from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import mirror_pair
 from sips_lit.types import Features, FramePair, Keypoints, Matches, PreparableCheck, Reason
 

@@ -1,11 +1,11 @@
 import numpy as np
 
 from sips_lit.render.benchmark_curves import draw_against_k, draw_succinctness_curves
-from sips_lit.render.detector_looks import detector_looks
 from sips_lit.render.figure import figure_to_array
+from sips_lit.render.styles import detector_styles
 
 NAMES = ["bad", "good + X"]
-LOOKS = detector_looks(NAMES)
+LOOKS = detector_styles(NAMES)
 
 
 def texts(figure):
@@ -31,7 +31,7 @@ def test_curves_are_steps_best_first():
 def test_the_legend_stands_outside_however_long():
     names = [f"detector number {i}" for i in range(26)]
     curves = {name: np.linspace(0, 1, 21) for name in names}
-    figure = draw_succinctness_curves(curves, dict.fromkeys(names, 0.5), detector_looks(names), 3)
+    figure = draw_succinctness_curves(curves, dict.fromkeys(names, 0.5), detector_styles(names), 3)
     figure_to_array(figure)
     axes = figure.axes[0]
     legend, plot, page = axes.get_legend().get_window_extent(), axes.get_window_extent(), figure.bbox

@@ -50,8 +50,8 @@ def test_the_best_curve_has_the_first_colour_in_the_picture():
 def test_many_detectors_are_told_apart():
     count = 2 * len(LINE_COLOURS) + 1
     figure = draw_succinctness({f"d{i}": result([5 + i % 7, 9]) for i in range(count)})
-    looks = {(line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines[2:]}
-    assert len(looks) == count
+    styles = {(line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines[2:]}
+    assert len(styles) == count
 
 
 def test_no_pairs_at_all():

@@ -2,15 +2,15 @@ import numpy as np
 
 from sips_lit.metrics.calibration import bin_sums, summarise
 from sips_lit.render.calibration_counts import draw_calibrations
-from sips_lit.render.detector_looks import detector_looks
 from sips_lit.render.figure import figure_to_array
 from sips_lit.render.pose_curves import draw_pose_curves
 from sips_lit.render.pose_difference import draw_pose_differences
+from sips_lit.render.styles import detector_styles
 
 
 def test_pose_curves():
     curves = {"a": (np.array([0, 0.2, 1]), np.array([0, 0.5, 0.5])), "b": (np.array([0, 1.0]), np.zeros(2))}
-    figure = draw_pose_curves(curves, {"a": 0.4, "b": 0.0}, detector_looks("ab"), 1.0, "translation error, m")
+    figure = draw_pose_curves(curves, {"a": 0.4, "b": 0.0}, detector_styles("ab"), 1.0, "translation error, m")
     (axes,) = figure.axes
     assert [t.get_text() for t in axes.get_legend().get_texts()] == ["a  0.400", "b  0.000"]
     assert axes.get_xlabel() == "translation error, m"
@@ -20,7 +20,7 @@ def test_pose_curves():
 def test_calibration_has_the_counts_below():
     good = summarise(bin_sums([0.12, 0.13, 0.97], [0, 1, 1], 20))
     none = summarise(bin_sums([], [], 20))
-    figure = draw_calibrations({"none": none, "good": good}, detector_looks(["none", "good"]))
+    figure = draw_calibrations({"none": none, "good": good}, detector_styles(["none", "good"]))
     upper, lower = figure.axes
     dots = next(line for line in upper.lines if line.get_gid() == "curve-1")
     np.testing.assert_allclose(dots.get_xdata(), [0.125, 0.97])

@@ -8,7 +8,7 @@ from textured_scenes import flight, keypoints, texture
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.tracking.pairs import read_pair
+from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import Augmentation, mirror_pair
 from sips_lit.types import Camera, FramePair, Matches, ViewGeometry
 

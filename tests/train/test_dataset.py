@@ -9,9 +9,9 @@ from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.tracking.overlap import OverlapIndex
-from sips_lit.tracking.pairs import PairChoice
-from sips_lit.tracking.source_pairs import FixedPairs, SourcePair, SourceSampler
+from sips_lit.pairs.overlap import OverlapIndex
+from sips_lit.pairs.sampler import PairChoice
+from sips_lit.pairs.source_pairs import FixedPairs, SourcePair, SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, TrainingPairs, pack, unpack
 from sips_lit.types import FramePair

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from textured_scenes import flight, keypoints
 
-from sips_lit.describe.orb import Orb
+from sips_lit.describe.orb import OrbDescriptor
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.point_labels import point_labels
-from sips_lit.tracking.pairs import read_pair
+from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.labelling import label_pair
 from sips_lit.types import Inliers, Keypoints, Matches, Reason
 
@@ -51,7 +51,10 @@ class HalfKnown:
 
 def slow_matches(points0: Keypoints, points1: Keypoints) -> list[tuple[int, int]]:
     """Mutual nearest neighbours by Hamming distance, one by one."""
-    a, b = (np.unpackbits(Orb().describe(i, p), axis=1) for i, p in ((PAIR.image0, points0), (PAIR.image1, points1)))
+    a, b = (
+        np.unpackbits(OrbDescriptor().describe(i, p), axis=1)
+        for i, p in ((PAIR.image0, points0), (PAIR.image1, points1))
+    )
     d = [[int((x != y).sum()) for y in b] for x in a]
     nearest1 = [min(range(len(b)), key=lambda j, row=row: (row[j], j)) for row in d]
     nearest0 = [min(range(len(a)), key=lambda i, j=j: (d[i][j], i)) for j in range(len(b))]
@@ -66,7 +69,7 @@ def test_labels_by_hand():
         near = max(np.linalg.norm(in1 - POINTS1.xy[j]), np.linalg.norm(in0 - POINTS0.xy[i])) <= 3
         visible = (in1 >= -0.5).all() and (in1 <= [159.5, 119.5]).all()
         reason0[i] = reason1[j] = Reason.INLIER if near else Reason.FAR if visible else Reason.LOST
-    labels0, labels1 = label_pair(PAIR, POINTS0, POINTS1, Orb(), HomographyInliers())
+    labels0, labels1 = label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), HomographyInliers())
     np.testing.assert_array_equal(labels0.reason, reason0)
     np.testing.assert_array_equal(labels1.reason, reason1)
     for labels in (labels0, labels1):
@@ -79,9 +82,9 @@ def test_labels_by_hand():
 @pytest.mark.parametrize("check", [KltInliers(), HomographyInliers(), HalfKnown()])
 @pytest.mark.parametrize("parts", [2, 3, 500])
 def test_parts_side_by_side_change_nothing(check, parts):
-    whole = label_pair(PAIR, POINTS0, POINTS1, Orb(), check)
+    whole = label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), check)
     with ThreadPoolExecutor(3) as pool:
-        split = label_pair(PAIR, POINTS0, POINTS1, Orb(), check, pool.map, parts)
+        split = label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), check, pool.map, parts)
     for a, b in zip(whole, split, strict=True):
         for key in ("inlier", "known", "reason"):
             np.testing.assert_array_equal(getattr(a, key), getattr(b, key))
@@ -95,18 +98,20 @@ def test_parts_are_checked_apart():
         sizes.append(len(answers))
         return answers
 
-    label_pair(PAIR, POINTS0, POINTS1, Orb(), HomographyInliers(), counting_map, 3)
+    label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), HomographyInliers(), counting_map, 3)
     assert sizes == [2, 3]  # two images to describe, three parts of the matches
 
 
 def test_checks_that_need_all_matches_get_them():
     check = Dependent()
-    label_pair(PAIR, POINTS0, POINTS1, Orb(), check, map, 3)
+    label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), check, map, 3)
     assert check.seen == len(slow_matches(POINTS0, POINTS1))
 
 
 def test_klt_and_the_known_homography_label_alike():
-    klt, true = (label_pair(PAIR, POINTS0, POINTS1, Orb(), check) for check in (KltInliers(), HomographyInliers()))
+    klt, true = (
+        label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), check) for check in (KltInliers(), HomographyInliers())
+    )
     for a, b in zip(klt, true, strict=True):
         assert (a.inlier == b.inlier).mean() > 0.85
         assert not (a.inlier & ~b.inlier).any()
@@ -116,7 +121,7 @@ def test_klt_and_the_known_homography_label_alike():
 @pytest.mark.parametrize("parts", [1, 3])
 def test_images_without_points(empty, parts):
     points0, points1 = (Keypoints.empty() if e else p for e, p in zip(empty, (POINTS0, POINTS1), strict=True))
-    labels0, labels1 = label_pair(PAIR, points0, points1, Orb(), KltInliers(), map, parts)
+    labels0, labels1 = label_pair(PAIR, points0, points1, OrbDescriptor(), KltInliers(), map, parts)
     assert (len(labels0.inlier), len(labels1.inlier)) == (len(points0), len(points1))
     for labels in (labels0, labels1):
         assert (labels.reason == Reason.UNMATCHED).all()

@@ -1,97 +1,12 @@
-import numpy as np
 import pytest
 import torch
-from textured_scenes import ArraySequence, flight
+from textured_scenes import flight
+from train_stream import LENGTH, Learner, after_interruption, assert_same, loader, pairs_of, run
 
 from sips_lit.describe.sift import RootSift
-from sips_lit.detect.selection import SelectedPoints
 from sips_lit.errors import BadInputError
-from sips_lit.frames.source import Source
-from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.tracking.overlap import OverlapIndex
-from sips_lit.tracking.source_pairs import SourceSampler
-from sips_lit.train.augment import Augmentation
-from sips_lit.train.dataset import PackedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead
-from sips_lit.types import GreyImage, Keypoints
-
-LENGTH = 7
-
-
-class Learner:
-    """Selects points that depend on the image and on how many steps were taken, and writes down when it was asked."""
-
-    def __init__(self, steps: int = 0) -> None:
-        self.steps = steps
-        self.events: list[tuple[str, int]] = []
-
-    def select(self, image: GreyImage) -> SelectedPoints:
-        self.events.append(("select", self.steps))
-        generator = np.random.default_rng([self.steps, int(image.sum())])
-        xy = generator.uniform(0, [image.shape[1] - 1, image.shape[0] - 1], (20, 2)).astype(np.float32)
-        score = np.sort(generator.random(20).astype(np.float32))[::-1].copy()
-        places = xy.round().astype(np.int64)
-        points = Keypoints(xy, score, np.ones(20, np.float32))
-        return SelectedPoints(points, np.zeros(20, np.int64), places[:, 1], places[:, 0])
-
-    def step(self) -> None:
-        self.events.append(("step", self.steps))
-        self.steps += 1
-
-
-def all_overlap(length: int) -> OverlapIndex:
-    counts = np.arange(length)[::-1]
-    survivors = np.full(counts.sum(), 9, np.uint16)
-    return OverlapIndex(survivors, np.concatenate([[0], np.cumsum(counts)]), np.full(length, 9))
-
-
-def pairs_of(*sequences: ArraySequence, length: int = LENGTH) -> PackedPairs:
-    """The first sequence is labelled by KLT, the others by their homographies."""
-    sources = [Source([s], inliers=HomographyInliers() if i else None) for i, s in enumerate(sequences)]
-    sampler = SourceSampler(sources, [all_overlap(len(s)) for s in sequences], 0.5, seed=1)
-    return PackedPairs(TrainingPairs(sources, sampler, KltInliers(), Augmentation(), length))
-
-
-def loader(learner: Learner, loading: int = 0, labelling: int = 1, first: int = 0, stride: int = 1) -> OneStepAhead:
-    pairs = pairs_of(flight(5, size=(80, 64)), flight(4, size=(72, 60), seed=1, name="other"))
-    checks = [KltInliers(), HomographyInliers()]
-    return OneStepAhead(pairs, learner.select, RootSift(), checks, loading, labelling, first, stride)
-
-
-def run(stream: OneStepAhead, learner: Learner, steps: int | None = None) -> list[LabelledPair]:
-    """Takes pairs as a trainer does: a step of the learner after each."""
-    taken = []
-    for pair in stream:
-        taken.append(pair)
-        learner.step()
-        if len(taken) == steps:
-            break
-    return taken
-
-
-def after_interruption(make, stop: int, folder) -> tuple[list[LabelledPair], OneStepAhead, Learner]:
-    """The pairs after ``stop`` of a stream that was stored then, with the stream and the learner that went on."""
-    learner = Learner()
-    first = make(learner)
-    run(first, learner, stop)
-    torch.save(first.state_dict(), folder / "state.pt")
-    resumed = Learner(steps=stop)
-    second = make(resumed)
-    second.load_state_dict(torch.load(folder / "state.pt", weights_only=True))
-    return run(second, resumed), second, resumed
-
-
-def assert_same(a: LabelledPair, b: LabelledPair) -> None:
-    assert (a.name, a.source) == (b.name, b.source)
-    torch.testing.assert_close((a.image0, a.image1), (b.image0, b.image1), rtol=0, atol=0)
-    for one, other in ((a.points0, b.points0), (a.points1, b.points1)):
-        np.testing.assert_array_equal(one.keypoints.xy, other.keypoints.xy)
-        np.testing.assert_array_equal(one.keypoints.score, other.keypoints.score)
-        np.testing.assert_array_equal((one.level, one.row, one.column), (other.level, other.row, other.column))
-    for one, other in ((a.labels0, b.labels0), (a.labels1, b.labels1)):
-        np.testing.assert_array_equal(one.reason, other.reason)
-        np.testing.assert_array_equal((one.inlier, one.known), (other.inlier, other.known))
 
 
 @pytest.fixture(scope="module")

@@ -5,50 +5,17 @@ import lightning as L
 import numpy as np
 import pytest
 import torch
-from textured_scenes import ArraySequence, flight, texture
+from textured_scenes import ArraySequence, texture
+from train_run import fit, make_data, make_module
 
-from sips_lit.describe.sift import RootSift
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor
-from sips_lit.evaluate.verification import VerifiedPair
-from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.point_labels import PointLabels
-from sips_lit.train.datamodule import PairDataModule
+from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.train.loader import LabelledPair
 from sips_lit.train.module import SipsModule
 from sips_lit.types import Keypoints, Reason
-
-
-def make_module(**options) -> SipsModule:
-    torch.manual_seed(0)
-    optimizer = partial(torch.optim.Adam, lr=1e-2)
-    return SipsModule(ScoreNetwork(3, 4), PointSelector(3), **{"optimizer": optimizer, "points": 40, **options})
-
-
-def make_data(tmp_path, sequence=None, **options) -> PairDataModule:
-    options = {"val_fraction": 0.4, "val_pairs": 2, "loading_workers": 0, "labelling_workers": 1, **options}
-    return PairDataModule(
-        [sequence or flight(12, size=(96, 80))], RootSift(), KltInliers(), tmp_path / "indexes", **options
-    )
-
-
-def fit(module, data, steps=2, callbacks=(), **options) -> L.Trainer:
-    trainer = L.Trainer(
-        max_steps=steps,
-        accelerator="cpu",
-        logger=False,
-        enable_checkpointing=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-        num_sanity_val_steps=0,
-        val_check_interval=steps,
-        check_val_every_n_epoch=None,
-        callbacks=list(callbacks),
-        **options,
-    )
-    trainer.fit(module, data)
-    return trainer
 
 
 def side(rows, columns, reasons) -> tuple[SelectedPoints, PointLabels]:

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from test_module import fit
 from textured_scenes import ArraySequence, flight, texture
+from train_run import fit
 
 from sips_lit.describe.sift import RootSift
 from sips_lit.detect.score_network import ScoreNetwork

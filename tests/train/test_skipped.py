@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from test_loader import Learner, after_interruption, all_overlap, assert_same, run
 from textured_scenes import ArraySequence, flight
+from train_stream import Learner, after_interruption, all_overlap, assert_same, run
 
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.tracking.source_pairs import SourceSampler
+from sips_lit.pairs.source_pairs import SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead

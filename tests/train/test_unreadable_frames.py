@@ -3,8 +3,8 @@
 import re
 
 import pytest
-from test_datamodule import module, ready
 from textured_scenes import ArraySequence, flight
+from train_data import module, ready
 
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.homography import HomographyInliers

@@ -1,0 +1,133 @@
+"""Files of the ASL layout (EuRoC MAV, Burri et al., IJRR 2016): cameras, lists of images, true states by time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from sips_lit.datasets.layout import expect, listed_file, read_rows, read_table
+from sips_lit.errors import BadInputError
+from sips_lit.geometry.quaternion import to_rotation
+from sips_lit.geometry.rectify import LensCamera
+
+LAYOUT = (
+    "the layout of EuRoC is mav0/ with cam0/ (and cam1/), each with sensor.yaml, data.csv and data/*.png, and, where it is "
+    "known, state_groundtruth_estimate0/data.csv"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Shots:
+    """The images of one camera: ``times`` (N,) int64 nanoseconds, ascending, and ``files``."""
+
+    times: NDArray[np.int64]
+    files: list[Path]
+
+
+@dataclass(frozen=True, slots=True)
+class States:
+    """Where the body was: ``times`` (N,) int64 nanoseconds, ascending, and ``T_world_body`` (N, 4, 4)."""
+
+    times: NDArray[np.int64]
+    T_world_body: NDArray[np.float64]
+
+
+def read_sensor(file: Path) -> tuple[LensCamera, NDArray[np.float64]]:
+    """The camera of a sensor.yaml and ``T_body_camera`` (4, 4).
+
+    Raises BadInputError when a key is missing or not as it should be, or the lens model is another one.
+    """
+    sensor = _read_yaml(expect(file, LAYOUT))
+    model = (sensor.get("camera_model"), sensor.get("distortion_model"))
+    if model not in (("pinhole", "radial-tangential"), ("pinhole", "radtan")):
+        raise BadInputError(
+            f"{file} has camera_model {model[0]} with distortion_model {model[1]}: only pinhole with radial-tangential "
+            "can be read"
+        )
+    fx, fy, cx, cy = _numbers(sensor, "intrinsics", (4,), file)
+    width, height = _numbers(sensor, "resolution", (2,), file)
+    distortion = _numbers(sensor, "distortion_coefficients", (4, 5), file)
+    extrinsics = sensor.get("T_BS")
+    T = _numbers(extrinsics if isinstance(extrinsics, dict) else {}, "data", (16,), file).reshape(4, 4)
+    if min(fx, fy, width, height) <= 0 or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-2:
+        raise BadInputError(
+            f"{file} has a focal length or size that is not positive, or a T_BS that is no rigid motion"
+        )
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    return LensCamera(matrix, distortion, (int(width), int(height))), T
+
+
+def read_shots(camera: Path) -> Shots:
+    """The images that a camera's data.csv lists. Raises BadInputError when some are not there, or not in order of time."""
+    table = expect(camera / "data.csv", LAYOUT)
+    times: list[int] = []
+    files: list[Path] = []
+    for line, fields in read_rows(table, ","):
+        if len(fields) != 2 or not fields[0].isdecimal():
+            raise BadInputError(f"line {line} of {table} is not a time in nanoseconds, a comma and a file name")
+        if times and int(fields[0]) <= times[-1]:
+            raise BadInputError(f"line {line} of {table} is not later than the line before")
+        times.append(int(fields[0]))
+        files.append(listed_file(camera / "data", fields[1], table, line))
+    absent = [file for file in files if not file.is_file()]
+    if absent:
+        raise BadInputError(
+            f"{len(absent)} of {len(files)} images that {table} lists are missing, the first is {absent[0]}: download the "
+            "sequence whole, or take their lines out"
+        )
+    if len(files) < 2:
+        raise BadInputError(f"{table} lists {len(files)} images: a sequence needs two or more")
+    return Shots(np.array(times, np.int64), files)
+
+
+def read_states(file: Path) -> States:
+    """True states: time, position, quaternion (w, x, y, z) of the body; 17 columns as published, or those 8 only.
+
+    Raises BadInputError with the line where a number is bad, a quaternion is not of length one, or time does not go on.
+    """
+    table = read_table(file, (17, 8), ",")
+    lines = [line for line, _ in read_rows(file, ",")]
+    times = table[:, 0].astype(np.int64)  # through a double: to 0.3 microseconds
+    quaternions = table[:, 4:8]
+    norms = np.linalg.norm(quaternions, axis=1)
+    wrong = np.flatnonzero(np.abs(norms - 1) > 1e-2)
+    if len(wrong):
+        raise BadInputError(f"line {lines[wrong[0]]} of {file} has a quaternion of length {norms[wrong[0]]:.3g}, not 1")
+    back = np.flatnonzero(np.diff(times) <= 0)
+    if len(back):
+        raise BadInputError(f"line {lines[back[0] + 1]} of {file} is not later than the line before")
+    poses = np.tile(np.eye(4), (len(table), 1, 1))
+    poses[:, :3, :3] = to_rotation(quaternions[:, [1, 2, 3, 0]])
+    poses[:, :3, 3] = table[:, 1:4]
+    return States(times, poses)
+
+
+def _read_yaml(file: Path) -> dict[str, Any]:
+    """A YAML file as OpenCV writes it: its header is no YAML directive, and its matrices have a tag of their own."""
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+        text = "\n".join(line for line in lines if not line.startswith("%YAML")).replace("!!opencv-matrix", "")
+        content = yaml.safe_load(text)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise BadInputError(f"{file} is not readable as YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict):
+        raise BadInputError(f"{file} has no keys: {LAYOUT}")
+    return content
+
+
+def _numbers(content: dict[str, Any], key: str, counts: tuple[int, ...], file: Path) -> NDArray[np.float64]:
+    value = content.get(key)
+    try:
+        numbers = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        numbers = np.zeros(())
+    if numbers.ndim != 1 or len(numbers) not in counts or not np.all(np.isfinite(numbers)):
+        wanted = " or ".join(map(str, counts))
+        where = "T_BS: data" if key == "data" else key
+        raise BadInputError(f"{file} has {where}: {value}, which should be a list of {wanted} finite numbers")
+    return numbers

@@ -1,0 +1,140 @@
+"""What the folders of the published data sets must look like, and what to say where they do not.
+
+Shared by the loaders: missing parts, text tables with the file and the line of a bad number, and fingerprints.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.errors import BadInputError
+
+SHOWN = 6  # entries of a folder that an error lists
+
+
+def expect(path: Path, layout: str) -> Path:
+    """The path itself if it exists; else BadInputError: what is missing, what is there instead, how it should be."""
+    if not path.exists():
+        raise wrong_layout(str(path), path.parent, layout)
+    return path
+
+
+def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
+    """The file of ``folder`` that a line of a table names. Raises BadInputError when the name leads out of the folder."""
+    path = PurePath(name.replace("\\", "/"))
+    if path.is_absolute() or ".." in path.parts:
+        raise BadInputError(f"line {line} of {table} names {name}, which leaves the folder: do not trust this file")
+    return folder / path
+
+
+def wrong_layout(missing: str, place: Path, layout: str) -> BadInputError:
+    """The error for a folder that lacks something: one sentence with what was looked for, what is there, the layout.
+
+    ``missing``: what was looked for; ``place``: the folder where it should be; ``layout``: how it should be, as in
+    "a KITTI sequence has image_0/000000.png, ... and calib.txt".
+    """
+    return BadInputError(f"there is no {missing}: {describe_place(place)}; {layout}")
+
+
+def describe_place(place: Path) -> str:
+    """What is at a path, in words; of a folder its first entries."""
+    if place.is_file():
+        return f"{place} is a file"
+    if not place.is_dir():
+        nearest = next((parent for parent in place.parents if parent.is_dir()), None)
+        exists = "" if nearest is None else f" (the folder {nearest} exists)"
+        return f"the folder {place} does not exist{exists}"
+    entries = sorted(p.name + "/" * p.is_dir() for p in place.iterdir() if not p.name.startswith("."))
+    if not entries:
+        return f"the folder {place} is empty"
+    more = f" and {len(entries) - SHOWN} more" if len(entries) > SHOWN else ""
+    return f"{place} has {', '.join(entries[:SHOWN])}{more}"
+
+
+def read_rows(path: Path, delimiter: str | None = None) -> list[tuple[int, list[str]]]:
+    """The rows of a text table as (line number from 1, fields); empty lines and those that begin with # are passed over.
+
+    ``delimiter``: None for white space. Raises BadInputError when the file can't be read or is no text.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise BadInputError(f"cannot read {path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise BadInputError(f"{path} is not a text file: it may be damaged, or packed; download it again") from error
+    rows = ((number, line.strip()) for number, line in enumerate(lines, start=1))
+    return [
+        (number, [field.strip() for field in line.split(delimiter)])
+        for number, line in rows
+        if line and not line.startswith("#")
+    ]
+
+
+def to_numbers(path: Path, line: int, fields: Sequence[str]) -> list[float]:
+    """The fields of a row as numbers. Raises BadInputError with the file and the line where one is not finite."""
+    numbers = []
+    for field in fields:
+        try:
+            number = float(field)
+        except ValueError as error:
+            raise BadInputError(f"line {line} of {path} has {field!r} where a number should be") from error
+        if not np.isfinite(number):
+            raise BadInputError(f"line {line} of {path} has {field!r}: every number must be finite")
+        numbers.append(number)
+    return numbers
+
+
+def read_table(path: Path, columns: int | Sequence[int], delimiter: str | None = None) -> NDArray[np.float64]:
+    """A text table of numbers (rows, columns), at least one row.
+
+    ``columns``: how many each row has, or the counts allowed, one for the whole file; ``delimiter``: None for white space.
+    Raises BadInputError with the file and the line for another count, a word, or a number that is not finite.
+    """
+    allowed = (columns,) if isinstance(columns, int) else tuple(columns)
+    rows = read_rows(path, delimiter)
+    if not rows:
+        raise BadInputError(f"{path} has no numbers: it is empty or was not downloaded whole")
+    wanted = len(rows[0][1]) if len(rows[0][1]) in allowed else allowed[0]
+    for line, fields in rows:
+        if len(fields) != wanted:
+            counts = " or ".join(map(str, allowed))
+            raise BadInputError(f"line {line} of {path} has {len(fields)} values, not {counts}")
+    return np.array([to_numbers(path, line, fields) for line, fields in rows], np.float64)
+
+
+def read_pose_rows(path: Path) -> NDArray[np.float64]:
+    """Poses (N, 4, 4) of a text file whose rows are the first three rows of ``T_world_camera`` (12 numbers, KITTI's form).
+
+    Raises BadInputError with the file and the line where a row is not 12 finite numbers or has no rotation.
+    """
+    rows = read_table(path, 12)
+    lines = [line for line, _ in read_rows(path)]
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3] = rows.reshape(-1, 3, 4)
+    R = poses[:, :3, :3]
+    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
+    wrong = np.flatnonzero((off > 1e-2) | (np.linalg.det(R) < 0))
+    if len(wrong):
+        raise BadInputError(f"line {lines[wrong[0]]} of {path} is no pose: its 3x3 part is not a rotation")
+    return poses
+
+
+def files_fingerprint(files: Iterable[Path], *options: object) -> str:
+    """A hash of names, sizes and times of files (nothing is read) and of the options that make frames of them.
+
+    The name is the file's with its folder's, so that moving a data set keeps its fingerprint. Raises BadInputError for a
+    file that is not there.
+    """
+    digest = hashlib.sha256(repr(options).encode())
+    for file in files:
+        try:
+            stat = file.stat()
+        except OSError as error:
+            raise BadInputError(f"cannot read {file}: {error.strerror or error}") from error
+        digest.update(f"{file.parent.name}/{file.name}|{stat.st_size}|{stat.st_mtime_ns};".encode())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,106 @@
+"""A folder of images with poses and sparse depth: a small form of KITTI raw (Geiger et al., IJRR 2013)."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.datasets.layout import expect, files_fingerprint, read_pose_rows, read_table, wrong_layout
+from sips_lit.errors import BadInputError
+from sips_lit.frames.folder import FolderSequence
+from sips_lit.frames.images import list_images
+from sips_lit.types import Camera, FloatArray, ImageSequence
+
+LAYOUT = (
+    "the layout is images (0000000000.jpg, ...), poses.txt (one row of 12 numbers an image), cam.txt (3x3) and one "
+    "depth_*.npz (an array in metres an image, named like it, 0 where unknown)"
+)
+
+
+class PosedDepthSequence(FolderSequence):
+    """The images of ``folder``, with one camera, the pose of each, and its depth from an archive that is read as needed.
+
+    Raises BadInputError when something is missing or does not fit.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        files = list_images(folder) if folder.is_dir() else []
+        if len(files) < 2:
+            raise wrong_layout(f"{folder} with two images or more", folder, LAYOUT)
+        super().__init__(folder, files)
+        poses, camera = expect(folder / "poses.txt", LAYOUT), expect(folder / "cam.txt", LAYOUT)
+        self.archive = _archive(folder)
+        self._camera = Camera(read_camera_matrix(camera), self.size)
+        self._poses = read_pose_rows(poses)
+        if len(self._poses) != len(files):
+            raise BadInputError(
+                f"{poses} has {len(self._poses)} poses for {len(files)} images: it needs one row an image"
+            )
+        self._check_names()
+        self.fingerprint = files_fingerprint([poses, camera, self.archive], "posed depth 1", self.fingerprint)
+
+    def camera(self, index: int) -> Camera:
+        """The same for every frame."""
+        return self._camera
+
+    def pose(self, index: int) -> FloatArray:
+        """``T_world_camera``; the world is the first camera where poses.txt is made so."""
+        pose: FloatArray = self._poses[index]
+        return pose
+
+    def depth(self, index: int) -> FloatArray:
+        """Depth (H, W) float32 in metres, NaN where unknown. Raises BadInputError when it is not of the image's size."""
+        key = self.files[index].stem
+        try:
+            with np.load(self.archive) as arrays:
+                depth: NDArray[np.float32] = np.array(arrays[key], np.float32)
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise BadInputError(f"cannot read the array {key} of {self.archive}: {error}; download it again") from error
+        width, height = self.size
+        if depth.shape != (height, width):
+            raise BadInputError(
+                f"the array {key} of {self.archive} has shape {depth.shape}, but {self.files[index].name} is "
+                f"{height} rows of {width} pixels: depth and images must have one size"
+            )
+        depth[~(depth > 0) | ~np.isfinite(depth)] = np.nan
+        return depth
+
+    def _check_names(self) -> None:
+        """Every image must have an array; their names are read without the arrays."""
+        try:
+            with zipfile.ZipFile(self.archive) as archive:
+                names = {Path(name).stem for name in archive.namelist()}
+        except (OSError, zipfile.BadZipFile) as error:
+            raise BadInputError(f"{self.archive} is damaged, or no archive of numpy arrays: {error}") from error
+        absent = [file.stem for file in self.files if file.stem not in names]
+        if absent:
+            raise BadInputError(
+                f"{self.archive} lacks the depth of {len(absent)} images, the first is {absent[0]}; {LAYOUT}"
+            )
+
+
+def posed_depth(path: str | Path) -> list[ImageSequence]:
+    """The sequence of a folder. Raises BadInputError when it is not laid out so, or not whole."""
+    return [PosedDepthSequence(Path(path))]
+
+
+def read_camera_matrix(file: Path) -> NDArray[np.float64]:
+    """A camera matrix (3, 3) in pixels from a text file. Raises BadInputError when it is none."""
+    K = read_table(file, 3)
+    if K.shape != (3, 3) or not (K[0, 0] > 0 and K[1, 1] > 0) or not np.array_equal(K[2], [0, 0, 1]):
+        raise BadInputError(
+            f"{file} has no camera matrix: three rows fx 0 cx, 0 fy cy, 0 0 1 in pixels, fx and fy positive"
+        )
+    return K
+
+
+def _archive(folder: Path) -> Path:
+    archives = sorted(folder.glob("depth_*.npz"))
+    if not archives:
+        raise wrong_layout(f"depth_*.npz in {folder}", folder, LAYOUT)
+    if len(archives) > 1:
+        raise BadInputError(f"{folder} has {archives[0].name} and {archives[1].name}: keep one archive of depth there")
+    return archives[0]

@@ -1,0 +1,141 @@
+"""RGB-D sequences with camera poses: a simple folder layout, and TUM RGB-D as downloaded."""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sips_lit.datasets.layout import describe_place, expect, read_pose_rows, wrong_layout
+from sips_lit.datasets.rgbd_sequence import RgbdFrames, RgbdSequence
+from sips_lit.datasets.tum_rgbd import read_tum
+from sips_lit.errors import BadInputError
+from sips_lit.frames.images import check_max_side, list_images
+from sips_lit.types import Camera, ImageSequence
+
+LAYOUT = (
+    "an RGB-D sequence has color/, depth/ (16-bit images), poses.txt (12 numbers a row) and cam.json; or, as TUM RGB-D, "
+    "rgb.txt, depth.txt, groundtruth.txt and the files that they name"
+)
+
+
+def rgbd(
+    path: str | Path,
+    tolerance: float = 0.02,
+    intrinsics: Sequence[float] | None = None,
+    drop_incomplete: bool = False,
+    max_side: int | None = None,
+) -> list[ImageSequence]:
+    """One RGB-D sequence, or those of a folder of such.
+
+    Layouts: ``color/`` and ``depth/`` with ``poses.txt`` (camera to world, KITTI's rows) and ``cam.json``; or TUM RGB-D as
+    downloaded (Sturm et al., IROS 2012), where times associate within ``tolerance`` seconds and ``intrinsics`` (fx, fy, cx,
+    cy) replace the published ones. ``drop_incomplete`` leaves out frames without depth or pose; ``max_side``: shrink
+    images whose longer side exceeds it (pixels), with camera and depth. Raises BadInputError for another layout, and for
+    ground truth that does not fit.
+    """
+    check_max_side(max_side)
+    if not tolerance >= 0:
+        raise BadInputError(f"data.tolerance is {tolerance}: it must be a time in seconds")
+    root = Path(path)
+    if _is_sequence(root):
+        folders = {root.resolve().name: root}
+    else:
+        below = sorted(p for p in root.iterdir() if p.is_dir()) if root.is_dir() else []
+        folders = {f"{root.resolve().name}_{p.name}": p for p in below if _is_sequence(p)}
+    if not folders:
+        raise BadInputError(f"there is no RGB-D sequence at {root}: {describe_place(root)}; {LAYOUT}")
+    sequences: list[ImageSequence] = []
+    for name, folder in folders.items():
+        tum = (folder / "rgb.txt").exists()
+        frames = read_tum(folder, tolerance, intrinsics) if tum else read_simple(folder)
+        frames = _without_incomplete(folder, frames, drop_incomplete)
+        sequences.append(RgbdSequence(folder, name, frames, max_side))
+    return sequences
+
+
+def _is_sequence(folder: Path) -> bool:
+    return (folder / "rgb.txt").is_file() or (folder / "color").is_dir()
+
+
+def read_simple(folder: Path) -> RgbdFrames:
+    """The frames of a folder with ``color/``, ``depth/``, ``poses.txt`` and ``cam.json``, joined in the order of names.
+
+    Raises BadInputError where something is missing, or the numbers of images, depth maps and poses differ.
+    """
+    images = list_images(expect(folder / "color", LAYOUT))
+    depths = list_images(expect(folder / "depth", LAYOUT))
+    table, camera_file = expect(folder / "poses.txt", LAYOUT), expect(folder / "cam.json", LAYOUT)
+    if not images:
+        raise wrong_layout("image in color/", folder / "color", LAYOUT)
+    poses = read_pose_rows(table)
+    if not len(images) == len(depths) == len(poses):
+        raise BadInputError(
+            f"{folder} has {len(images)} images in color/, {len(depths)} depth maps in depth/ and {len(poses)} rows in "
+            "poses.txt: there must be as many of each; something was not downloaded whole"
+        )
+    pairs = zip(images, depths, strict=True)
+    odd = next((pair for pair in pairs if _number(pair[0]) != _number(pair[1])), None)
+    if odd is not None:
+        raise BadInputError(
+            f"{odd[0]} and {odd[1]} should be of one moment, but have different numbers: a file of {folder} is missing"
+        )
+    camera, unit = _read_camera(camera_file)
+    return RgbdFrames(images, list(depths), list(poses), None, camera, None, unit, [table, camera_file])
+
+
+def _number(file: Path) -> int | None:
+    """The last number in a file's name."""
+    numbers = re.findall(r"\d+", file.stem)
+    return int(numbers[-1]) if numbers else None
+
+
+def _read_camera(file: Path) -> tuple[Camera, float]:
+    """The camera of ``cam.json`` (ViSP's names: px, py, u0, v0, w, h) and the length of a step of depth in metres."""
+    try:
+        stored = json.loads(file.read_text(encoding="utf-8"))
+        fx, fy, cx, cy, unit = (float(stored[key]) for key in ("px", "py", "u0", "v0", "depthScale"))
+        size = int(stored["w"]), int(stored["h"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BadInputError(
+            f"{file} must be JSON with the numbers px, py, u0, v0 (pixels), w, h and depthScale (metres): {error!r}"
+        ) from error
+    model = stored.get("model", "perspectiveProjWithoutDistortion")
+    if model != "perspectiveProjWithoutDistortion" or not min(fx, fy, unit, *size) > 0:
+        raise BadInputError(f"{file} must be of a camera without distortion, with positive px, py, w, h and depthScale")
+    return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), size), unit
+
+
+def _without_incomplete(folder: Path, frames: RgbdFrames, drop: bool) -> RgbdFrames:
+    """Counts the frames without depth or pose in a warning, and leaves them out if asked to."""
+    depthless, poseless = (sum(part is None for part in parts) for parts in (frames.depths, frames.poses))
+    if not depthless and not poseless:
+        return frames
+    warnings.warn(
+        f"of {len(frames.images)} images of {folder} {depthless} have no depth map and {poseless} no pose of their time: "
+        + (
+            "they are left out"
+            if drop
+            else "pairs with them have no pose and depth (data.drop_incomplete=true drops them)"
+        ),
+        stacklevel=3,
+    )
+    if not drop:
+        return frames
+    kept = [
+        i for i, (d, p) in enumerate(zip(frames.depths, frames.poses, strict=True)) if d is not None and p is not None
+    ]
+    if len(kept) < 2:
+        raise BadInputError(f"only {len(kept)} images of {folder} have a depth map and a pose: nothing can be paired")
+    return replace(
+        frames,
+        images=[frames.images[i] for i in kept],
+        depths=[frames.depths[i] for i in kept],
+        poses=[frames.poses[i] for i in kept],
+        times=None if frames.times is None else [frames.times[i] for i in kept],
+    )

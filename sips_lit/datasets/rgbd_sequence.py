@@ -1,0 +1,125 @@
+"""Images with registered depth maps and camera poses as a sequence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.datasets.depth_image import read_depth_image, to_metres
+from sips_lit.datasets.layout import files_fingerprint
+from sips_lit.errors import BadInputError
+from sips_lit.files import safe_name
+from sips_lit.frames.folder import FolderSequence
+from sips_lit.frames.images import resize_max_side, shrunk_size
+from sips_lit.geometry.resize import resize_camera
+from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
+
+
+@dataclass(frozen=True, slots=True)
+class RgbdFrames:
+    """What an RGB-D sequence of N frames is made of.
+
+    ``depths`` and ``poses`` (``T_world_camera``, 4x4) are None where unknown; ``times`` (N,) in seconds, or None;
+    ``distortion``: (k1, k2, p1, p2, k3) of the stored images, or None if they have none; ``unit``: metres of one step of
+    the depth maps; ``tables``: the other files that were read.
+    """
+
+    images: list[Path]
+    depths: list[Path | None]
+    poses: list[FloatArray | None]
+    times: list[float] | None
+    camera: Camera
+    distortion: tuple[float, ...] | None
+    unit: float
+    tables: list[Path]
+
+
+class RgbdSequence(ImageSequence):
+    """Images with registered depth maps and poses. Distorted images are undistorted, and with them the depth."""
+
+    def __init__(self, folder: Path, name: str, frames: RgbdFrames, max_side: int | None = None) -> None:
+        self._images = FolderSequence(folder, frames.images)
+        self._frames, self.max_side = frames, max_side
+        self.name = safe_name(name)
+        self.fingerprint = files_fingerprint(
+            [*frames.images, *(depth for depth in frames.depths if depth), *frames.tables],
+            [(depth and depth.name, pose is None) for depth, pose in zip(frames.depths, frames.poses, strict=True)],
+            frames.camera.matrix.tolist(),
+            frames.distortion,
+            max_side,
+        )
+        self._stored = frames.camera
+        self._maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+        pinhole = frames.camera
+        if frames.distortion is not None:
+            pinhole, self._maps = undistortion(frames.camera, frames.distortion)
+        self._camera = resize_camera(pinhole, shrunk_size(pinhole.size, max_side))
+
+    def __len__(self) -> int:
+        return len(self._frames.images)
+
+    def frame(self, index: int) -> GreyImage:
+        """Image ``index`` as grey. Raises BadInputError when it can't be read, or its size is not that of the camera."""
+        image = self._images.frame(index)
+        if image.shape[::-1] != self._stored.size:
+            raise BadInputError(
+                f"{self._frames.images[index]} is {image.shape[1]}x{image.shape[0]}, but its camera is for "
+                f"{self._stored.size[0]}x{self._stored.size[1]}: the intrinsics are not of these images"
+            )
+        if self._maps is not None:
+            image = np.asarray(
+                cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8
+            )
+        return resize_max_side(image, self.max_side)
+
+    def frame_name(self, index: int) -> str:
+        """The sequence's name and the image's."""
+        return f"{self.name}_{self._frames.images[index].stem}"
+
+    def camera(self, index: int) -> Camera:
+        """The same for every frame."""
+        return self._camera
+
+    def pose(self, index: int) -> FloatArray | None:
+        """``T_world_camera``, or None where it was not measured."""
+        return self._frames.poses[index]
+
+    def depth(self, index: int) -> NDArray[np.float32] | None:
+        """Depth (H, W) in metres, of the size of the frame, NaN where unknown; None where there is no map.
+
+        Shrunk maps keep the depth of the nearest pixel: a mean of foreground and background lies on neither. Raises
+        BadInputError when the map can't be read or is of another size than the image.
+        """
+        path = self._frames.depths[index]
+        if path is None:
+            return None
+        stored = read_depth_image(path, self._stored.size)
+        if self._maps is not None:
+            stored = np.asarray(
+                cv2.remap(stored, *self._maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT), np.uint16
+            )
+        if self._camera.size != self._stored.size:
+            resized = cv2.resize(stored, self._camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
+            stored = np.asarray(resized, np.uint16)
+        return to_metres(stored, self._frames.unit)
+
+    def time(self, index: int) -> float | None:
+        """When the image was taken, in seconds."""
+        return None if self._frames.times is None else self._frames.times[index]
+
+
+def undistortion(
+    camera: Camera, distortion: tuple[float, ...]
+) -> tuple[Camera, tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    """The camera of the undistorted images, and for each of their pixels its place (x and y, (H, W)) in a stored one.
+
+    It sees as much as fits without pixels from outside of the stored image.
+    """
+    coefficients = np.array(distortion)
+    matrix, _ = cv2.getOptimalNewCameraMatrix(camera.matrix, coefficients, camera.size, 0)
+    x, y = cv2.initUndistortRectifyMap(camera.matrix, coefficients, np.eye(3), matrix, camera.size, cv2.CV_32FC1)
+    return Camera(np.asarray(matrix, np.float64), camera.size), (np.asarray(x, np.float32), np.asarray(y, np.float32))

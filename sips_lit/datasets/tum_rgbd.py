@@ -1,0 +1,109 @@
+"""The layout of TUM RGB-D (Sturm et al., IROS 2012): lists of files with times, joined by the nearest time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.datasets.association import nearest_in_time
+from sips_lit.datasets.layout import expect, listed_file, read_rows, read_table, to_numbers
+from sips_lit.datasets.rgbd_sequence import RgbdFrames
+from sips_lit.errors import BadInputError
+from sips_lit.frames.image_size import image_size
+from sips_lit.geometry.quaternion import to_rotation
+from sips_lit.types import Camera, FloatArray
+
+LAYOUT = "TUM RGB-D has rgb.txt, depth.txt, groundtruth.txt, and the images that the first two name"
+SIZE = (640, 480)
+ROUNDING = 1e-6  # seconds: the times count from 1970, and their last bit is a quarter of a microsecond
+METRES_A_STEP = 1 / 5000  # of the depth maps
+# published calibrations of the three cameras: fx, fy, cx, cy (pixels of 640x480), and k1, k2, p1, p2, k3
+CALIBRATIONS: dict[int, tuple[tuple[float, ...], tuple[float, ...] | None]] = {
+    1: ((517.3, 516.5, 318.6, 255.3), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)),
+    2: ((520.9, 521.0, 325.1, 249.7), (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)),
+    3: ((535.4, 539.2, 320.1, 247.6), None),  # its images are undistorted
+}
+
+
+def read_tum(folder: Path, tolerance: float, intrinsics: Sequence[float] | None = None) -> RgbdFrames:
+    """Every image of ``rgb.txt`` with the depth map and the pose nearest in time, None beyond ``tolerance`` seconds.
+
+    ``intrinsics`` (fx, fy, cx, cy) are of images without distortion; None takes the published calibration of the camera
+    that the folder's name tells. Raises BadInputError for a missing file, and where no image has a depth map or none has
+    a pose.
+    """
+    tables = [expect(folder / name, LAYOUT) for name in ("rgb.txt", "depth.txt", "groundtruth.txt")]
+    times, images = _read_list(tables[0])
+    depth_times, depths = _read_list(tables[1])
+    truth = read_table(tables[2], 8)
+    within = tolerance + ROUNDING
+    nearest_depth = nearest_in_time(times, depth_times, within)
+    nearest_pose = nearest_in_time(times, truth[:, 0], within)
+    for nearest, what, other in ((nearest_depth, tables[1], depth_times), (nearest_pose, tables[2], truth[:, 0])):
+        if (nearest < 0).all():
+            raise BadInputError(
+                f"{what} does not overlap in time with rgb.txt: it has {other.min():.3f} to {other.max():.3f} s, the images "
+                f"{times.min():.3f} to {times.max():.3f} s, and none is within {tolerance:g} s"
+            )
+    poses = _poses(truth, tables[2])
+    camera, distortion = _calibration(folder, images[0], intrinsics)
+    return RgbdFrames(
+        images,
+        [None if at < 0 else depths[at] for at in nearest_depth],
+        [None if at < 0 else poses[at] for at in nearest_pose],
+        times.tolist(),
+        camera,
+        distortion,
+        METRES_A_STEP,
+        tables,
+    )
+
+
+def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path]]:
+    """Times (N,) and files of a list. Raises BadInputError for a line that is neither, and a file that is missing."""
+    times, files = [], []
+    for line, fields in read_rows(table):
+        if len(fields) != 2:
+            raise BadInputError(f"line {line} of {table} must be a time and a file, not {len(fields)} words")
+        times += to_numbers(table, line, fields[:1])
+        files.append(expect(listed_file(table.parent, fields[1], table, line), LAYOUT))
+    if not files:
+        raise BadInputError(f"{table} names no file: it is empty or was not downloaded whole")
+    return np.array(times), files
+
+
+def _poses(truth: FloatArray, table: Path) -> NDArray[np.float64]:
+    """``T_world_camera`` (N, 4, 4) of rows (N, 8): time, place, quaternion x, y, z, w."""
+    poses = np.tile(np.eye(4), (len(truth), 1, 1))
+    poses[:, :3, :3] = to_rotation(truth[:, 4:])
+    poses[:, :3, 3] = truth[:, 1:4]
+    if not np.isfinite(poses).all():
+        raise BadInputError(f"{table} has a quaternion of length 0, which is no rotation: download it again")
+    return poses
+
+
+def _calibration(
+    folder: Path, image: Path, intrinsics: Sequence[float] | None
+) -> tuple[Camera, tuple[float, ...] | None]:
+    size = image_size(image)
+    if intrinsics is not None:
+        if len(intrinsics) != 4 or not min(intrinsics[:2]) > 0:
+            raise BadInputError(f"data.intrinsics is {list(intrinsics)}: give [fx, fy, cx, cy] in pixels of the images")
+        return Camera(_matrix(intrinsics), size), None
+    named = re.search(r"(?:freiburg|fr)_?([123])", folder.resolve().name.lower())
+    if named is None or size != SIZE:
+        raise BadInputError(
+            f"the camera of {folder} is not known: its images are {size[0]}x{size[1]} and its name should tell freiburg1, 2 "
+            "or 3 with images of 640x480; give data.intrinsics=[fx, fy, cx, cy]"
+        )
+    published, distortion = CALIBRATIONS[int(named[1])]
+    return Camera(_matrix(published), size), distortion
+
+
+def _matrix(intrinsics: Sequence[float]) -> NDArray[np.float64]:
+    fx, fy, cx, cy = intrinsics
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])

@@ -1,0 +1,120 @@
+"""What any detector may return, made legal, and every change counted: nothing is mended in silence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.detect.ranking import ranked
+from sips_lit.errors import BadInputError
+from sips_lit.types import Features, Keypoints
+
+Points = TypeVar("Points", Keypoints, Features)
+
+
+@dataclass(frozen=True, slots=True)
+class Defects:
+    """What was wrong with the points of ``images`` images; the sum of two is that of all their images.
+
+    ``returned`` points = ``invalid`` (position, score, scale or descriptor not finite, or scale not positive)
+    + ``outside`` (of the image) + ``duplicates`` (same position and scale, and same descriptor where there is one)
+    + ``surplus`` (worse than the n best) + ``kept``. Where fewer are kept than ``asked``, ``missing`` counts the rest.
+    ``unsorted`` counts images whose scores did not descend, ``short`` those with fewer points than asked, ``empty``
+    those without any.
+    """
+
+    images: int = 0
+    asked: int = 0
+    returned: int = 0
+    invalid: int = 0
+    outside: int = 0
+    duplicates: int = 0
+    surplus: int = 0
+    kept: int = 0
+    missing: int = 0
+    unsorted: int = 0
+    short: int = 0
+    empty: int = 0
+
+    def __add__(self, other: Defects) -> Defects:
+        """The counts of both together."""
+        return Defects(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing had to be mended (having fewer points than asked is legal)."""
+        return self.returned == self.kept and self.unsorted == 0
+
+
+def checked(points: Points, image_shape: tuple[int, ...], n: int) -> tuple[Points, Defects]:
+    """The at most ``n`` best legal points of an image of shape (H, W, …), sorted, and what was done to get there.
+
+    The area of the pixels counts as inside: -0.5 <= x <= W - 0.5, and y alike. Order: score descending, ties by row,
+    then column. Of duplicates the best is kept. Features at one place with different descriptors (as SIFT gives where
+    there are several orientations) are no duplicates. Raises BadInputError where the arrays do not belong together.
+    """
+    keypoints = points.keypoints if isinstance(points, Features) else points
+    descriptors = points.descriptors if isinstance(points, Features) else np.zeros((len(keypoints), 0), np.uint8)
+    _refuse_mismatch(keypoints, descriptors)
+    n = max(n, 0)
+
+    valid = _valid(keypoints, descriptors)
+    half = np.float32(0.5)
+    within = (keypoints.xy >= -half) & (keypoints.xy <= np.array(image_shape[1::-1], np.float32) - half)
+    inside = valid & within.all(axis=1)
+    legal = np.flatnonzero(inside)
+    rows = legal[ranked(keypoints.xy[legal], keypoints.score[legal], len(legal))]
+    rows = rows[_first_of_each(keypoints, descriptors, rows)]
+
+    kept = rows[:n]
+    count = {"images": 1, "asked": n, "returned": len(keypoints), "kept": len(kept), "missing": n - len(kept)}
+    defects = Defects(
+        **count,
+        invalid=int((~valid).sum()),
+        outside=int((valid & ~inside).sum()),
+        duplicates=len(legal) - len(rows),
+        surplus=len(rows) - len(kept),
+        unsorted=int((np.diff(keypoints.score[valid]) > 0).any()),
+        short=int(len(kept) < n),
+        empty=int(len(kept) == 0 < n),
+    )
+    cleaned = Keypoints(keypoints.xy[kept], keypoints.score[kept], keypoints.scale[kept])
+    if isinstance(points, Features):
+        return Features(cleaned, descriptors[kept], points.norm), defects
+    return cleaned, defects
+
+
+def _refuse_mismatch(keypoints: Keypoints, descriptors: NDArray[np.generic]) -> None:
+    shapes = keypoints.xy.shape, keypoints.score.shape, keypoints.scale.shape, descriptors.shape
+    count = len(keypoints)
+    if shapes[:3] != ((count, 2), (count,), (count,)) or descriptors.ndim != 2 or len(descriptors) != count:
+        raise BadInputError(
+            f"the detector returned positions, scores, scales and descriptors of shapes {', '.join(map(str, shapes))}: "
+            "they must be (N, 2), (N,), (N,) and (N, D)"
+        )
+
+
+def _valid(keypoints: Keypoints, descriptors: NDArray[np.generic]) -> NDArray[np.bool_]:
+    scale_is_legal = np.isfinite(keypoints.scale) & (keypoints.scale > 0)
+    finite = np.isfinite(keypoints.xy).all(axis=1) & np.isfinite(keypoints.score) & scale_is_legal
+    if np.issubdtype(descriptors.dtype, np.floating):
+        finite &= np.isfinite(descriptors.astype(np.float64)).all(axis=1)
+    return finite
+
+
+def _first_of_each(
+    keypoints: Keypoints, descriptors: NDArray[np.generic], rows: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Indices into ``rows``, ascending: the first of each group of equal points."""
+    place = np.column_stack([keypoints.xy[rows], keypoints.scale[rows]]).astype(np.float64) + 0.0  # -0.0 equals 0.0
+    seen: set[tuple[bytes, bytes]] = set()
+    first = []
+    for index, row in enumerate(rows):
+        key = place[index].tobytes(), descriptors[row].tobytes()
+        if key not in seen:
+            seen.add(key)
+            first.append(index)
+    return np.array(first, np.int64)

@@ -1,0 +1,83 @@
+"""A method of a benchmark: a detector with a descriptor, and everything that its features depend on."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import torch
+
+from sips_lit.types import Descriptor, Detector
+
+VERSION: Final = 1
+"""Of the code that makes features: a higher one makes all stored features stale."""
+_EXTRAS: Final = ("kornia", "mahotas", "onnxruntime", "transformers", "scikit-image")
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """``descriptor`` None = the detector's own. ``key`` names files, ``name`` tables; ``signature`` tells stale features."""
+
+    key: str
+    name: str
+    detector: Detector
+    descriptor: Descriptor | None
+    signature: Mapping[str, Any]
+
+
+def signature_of(
+    detector: Detector, descriptor: Descriptor | None, detector_config: Any, descriptor_config: Any
+) -> dict[str, Any]:
+    """What features depend on: both configurations, the contents of files they name, weights, library versions.
+
+    The configurations are plain (mappings, lists, numbers, texts), with everything resolved.
+    """
+    versions = {"torch": torch.__version__, "opencv": cv2.__version__, "numpy": np.__version__}
+    for name in _EXTRAS:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return {
+        "version": VERSION,
+        "detector": _with_contents(detector_config),
+        "descriptor": None if descriptor is None else _with_contents(descriptor_config),
+        "weights": [weights_digest(part) for part in (detector, descriptor)],
+        "versions": versions,
+    }
+
+
+def weights_digest(part: object) -> str | None:
+    """A hash of the weights of all networks that an object holds itself; None without any."""
+    networks = [value for value in getattr(part, "__dict__", {}).values() if isinstance(value, torch.nn.Module)]
+    if not networks:
+        return None
+    digest = hashlib.sha256()
+    for network in networks:
+        for name, tensor in network.state_dict().items():
+            digest.update(f"{name}{tuple(tensor.shape)}{tensor.dtype}".encode())
+            digest.update(tensor.detach().cpu().contiguous().flatten().view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()[:32]
+
+
+def _with_contents(node: Any) -> Any:
+    """The configuration with what a path leads to in place of the path: moving a file makes no difference."""
+    if isinstance(node, Mapping):
+        return {str(key): _with_contents(value) for key, value in node.items()}
+    if isinstance(node, list | tuple):
+        return [_with_contents(value) for value in node]
+    if isinstance(node, str) and 0 < len(node) < 1024:
+        path = Path(node)
+        if path.is_file():
+            return f"content {hashlib.sha256(path.read_bytes()).hexdigest()[:32]}"
+        if path.is_dir():
+            files = sorted(file for file in path.rglob("*") if file.is_file())
+            stats = [(str(file.relative_to(path)), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+            return f"files {hashlib.sha256(repr(stats).encode()).hexdigest()[:32]}"
+    return node

@@ -1,0 +1,144 @@
+"""The pairs of a benchmark: the same for all detectors, read once."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from sips_lit.errors import BadInputError
+from sips_lit.evaluate.feature_cache import image_key
+from sips_lit.evaluate.result import PairTable
+from sips_lit.frames.frame_cache import CachedSequence, FrameCache
+from sips_lit.frames.source import Source
+from sips_lit.geometry.point_depth import View, views
+from sips_lit.geometry.pose import rotation_error, translation_error
+from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.pairs.sampler import read_pair
+from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Matches
+
+
+class PairSet:
+    """The pairs of a pair set with the check of each; what is read stays in ``memory`` (of its own, if None is given).
+
+    Raises BadInputError where there are no pairs.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        listed: Sequence[ListedPair],
+        default: InlierCheck,
+        memory: FrameCache | None = None,
+    ) -> None:
+        memory = memory or FrameCache()
+        if not listed:
+            raise BadInputError("the pair set has no pairs: check its data and its kind of pairs")
+        self.listed = list(listed)
+        self.left_out: list[str] = []
+        self.sequences = [CachedSequence(s, memory) for source in sources for s in source.sequences]
+        self._checks = [source.inliers or default for source in sources for _ in source.sequences]
+        self._keys: dict[tuple[int, int], str] = {}
+        self._sizes: set[tuple[int, ...]] = set()
+
+    def __len__(self) -> int:
+        return len(self.listed)
+
+    def check(self, at: int) -> InlierCheck:
+        """What says which matches of pair ``at`` are inliers."""
+        return self._checks[self.listed[at].sequence]
+
+    def read(self, at: int, depth: bool) -> FramePair:
+        """Pair ``at``; with depth maps or stereo partners only if ``depth``, or if its check needs them."""
+        pair, check = self.listed[at], self.check(at)
+        sequence = self.sequences[pair.sequence]
+        return read_pair(sequence, pair.index0, pair.index1, check.uses_frames, depth or check.uses_depth)
+
+    def frames(self) -> list[tuple[int, int]]:
+        """Each different frame: the position of its sequence, and its index."""
+        ends = [(p.sequence, index) for p in self.listed for index in (p.index0, p.index1)]
+        return sorted(set(ends))
+
+    def key(self, frame: tuple[int, int]) -> str:
+        """A hash of the content of a frame."""
+        if frame not in self._keys:
+            image = self.sequences[frame[0]].frame(frame[1])
+            self._keys[frame] = image_key(image)
+            self._sizes.add(image.shape)
+        return self._keys[frame]
+
+    def table(self) -> PairTable:
+        """Names, overlaps and true motions of all pairs."""
+        names, motions = [], []
+        for pair in self.listed:
+            sequence = self.sequences[pair.sequence]
+            names.append(self._name(pair))
+            motions.append(_motion(sequence, pair.index0, pair.index1))
+        rotation, translation = np.array(motions, np.float64).reshape(-1, 2).T
+        return PairTable(tuple(names), np.array([p.overlap for p in self.listed], np.float64), rotation, translation)
+
+    def judgeable(self) -> PairSet:
+        """The pairs without those whose depth or pose their check misses: they say nothing of any detector.
+
+        ``left_out`` names the others. Raises BadInputError where none is left.
+        """
+        bar = tqdm(range(len(self)), "depth", unit="pair", delay=2, leave=False)
+        complaints = [self._complaint(at) for at in bar]
+        if all(complaints):
+            raise BadInputError(f"no pair can be judged, as {complaints[0]}")
+        judgeable = copy.copy(self)
+        judgeable.listed = [pair for pair, why in zip(self.listed, complaints, strict=True) if why is None]
+        judgeable.left_out = [self._name(pair) for pair, why in zip(self.listed, complaints, strict=True) if why]
+        return judgeable
+
+    def _complaint(self, at: int) -> str | None:
+        """Why pair ``at`` can't be judged with the depth of its images; None if it can."""
+        check = self.check(at)
+        if not check.uses_depth:
+            return None
+        pair, no_index = self.read(at, depth=True), np.zeros(0, np.int64)
+        try:
+            check(pair, Keypoints.empty(), Keypoints.empty(), Matches(no_index, no_index))
+        except BadInputError as error:
+            return str(error)
+        if not any(map(_tells_depth, views(pair) or ())):
+            return f"{pair.name} has depth maps without any depth in them: choose another source of inliers"
+        return None
+
+    def _name(self, pair: ListedPair) -> str:
+        return f"{self.sequences[pair.sequence].name}:{pair.index0}-{pair.index1}"
+
+    @property
+    def protocol(self) -> dict[str, Any]:
+        """Which data, and how it is judged."""
+        used = sorted({pair.sequence for pair in self.listed})
+        checks = {id(self._checks[at]): dict(self._checks[at].protocol) for at in used}
+        for frame in self.frames():
+            self.key(frame)
+        return {
+            "sequences": [self.sequences[at].name for at in used],
+            "image_size": sorted("{1}x{0}".format(*shape) for shape in self._sizes),
+            "pairs": len(self.listed),
+            "verification": list(checks.values()),
+            **({"left_out": self.left_out} if self.left_out else {}),
+        }
+
+
+def _tells_depth(view: View) -> bool:
+    """Whether the depth of any point may be known: a map may hold nothing."""
+    if view.depth is not None:
+        return bool((np.isfinite(view.depth) & (view.depth > 0)).any())
+    return view.has_depth
+
+
+def _motion(sequence: ImageSequence, index0: int, index1: int) -> tuple[float, float]:
+    """Rotation (degrees) and distance (metres) between two frames; NaN where poses are not known."""
+    pose0, pose1 = sequence.pose(index0), sequence.pose(index1)
+    if pose0 is None or pose1 is None:
+        return math.nan, math.nan
+    T_1_0, same = np.linalg.inv(pose1) @ pose0, np.eye(4)
+    return rotation_error(T_1_0, same), translation_error(T_1_0, same)

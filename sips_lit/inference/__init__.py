@@ -1,0 +1,1 @@
+"""A detector on files: frame streams, batches, writers."""

@@ -1,0 +1,30 @@
+"""From judgements of matches by the points of each image to one answer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.types import Inliers, Matches, Reason
+
+
+def symmetric(
+    forth: NDArray[np.uint8],
+    back: NDArray[np.uint8],
+    matches: Matches,
+    known0: NDArray[np.bool_],
+    known1: NDArray[np.bool_],
+) -> Inliers:
+    """A match is an inlier if both ways say so; where one does not know (`Reason`) the other decides alone.
+
+    ``forth`` and ``back`` (M,) judge the matches from image 0 to 1 and from image 1 to 0; ``known0`` (N0,) and ``known1``
+    (N1,) tell which points have a depth of their own. A point without one is known through a match that is.
+    """
+    reason = np.where(forth == Reason.UNKNOWN, back, forth)
+    agreed = (forth == Reason.INLIER) & (back != Reason.UNKNOWN)
+    reason[agreed] = back[agreed]
+    decided = reason != Reason.UNKNOWN
+    known0, known1 = known0.copy(), known1.copy()
+    known0[matches.index0[decided]] = True
+    known1[matches.index1[decided]] = True
+    return Inliers(reason == Reason.INLIER, reason, known0, known1)

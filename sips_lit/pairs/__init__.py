@@ -1,0 +1,1 @@
+"""Which two frames: overlap index, sampling, pair lists, shards."""

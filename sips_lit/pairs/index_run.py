@@ -1,0 +1,106 @@
+"""Indexing of recordings one by one: nothing is kept of a recording but a few numbers, and one that fails stops no other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import cv2
+import numpy as np
+from tqdm import tqdm
+
+from sips_lit.errors import BadInputError
+from sips_lit.pairs.build import measure, range_of, stored_index
+from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
+from sips_lit.pairs.shards import Recording
+from sips_lit.types import ImageSequence
+
+
+@dataclass(frozen=True, slots=True)
+class IndexedSequence:
+    """What an overlap index says: ``points`` of a frame on average, the median ``reach`` in frames, and how many ``pairs``.
+
+    ``unreadable`` frames are left out; ``problem`` tells why the first of them can't be read, or why the recording has no
+    index: then ``sequence`` is empty.
+    """
+
+    recording: str
+    sequence: str
+    frames: int = 0
+    points: int = 0
+    reach: int = 0
+    pairs: int = 0
+    unreadable: int = 0
+    problem: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """Whether there is no index."""
+        return not self.sequence
+
+
+def index_recordings(
+    recordings: Sequence[Recording], folder: Path, parameters: OverlapParameters, overlap: float, workers: int
+) -> Iterator[list[IndexedSequence]]:
+    """Indexes what is not up to date in ``folder``, and yields one list a recording, as soon as it is done.
+
+    Pairs are counted that overlap by ``overlap``. Threads work on ``workers`` recordings side by side. After an
+    interruption another run finds the sequences that were finished.
+    """
+    with (
+        tqdm(total=len(recordings), desc="recordings", unit="recording", delay=2) as done,
+        tqdm(total=0, desc="frames", unit="frame", delay=2, leave=None) as frames,
+    ):
+        pool = ThreadPoolExecutor(max(1, workers))
+        try:
+            tasks = [pool.submit(_index, r, folder, parameters, overlap, frames) for r in recordings]
+            for task in as_completed(tasks):
+                done.update()
+                yield task.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _index(
+    recording: Recording, folder: Path, parameters: OverlapParameters, overlap: float, progress: tqdm[NoReturn]
+) -> list[IndexedSequence]:
+    rows: list[IndexedSequence] = []
+    try:
+        sequences = recording.open()
+        if not sequences:
+            raise BadInputError(f"{recording.where} has no shot of two frames or more")
+        for sequence in sequences:
+            index = _up_to_date(sequence, folder, parameters, progress)
+            rows.append(_summary(recording.where, sequence.name, index, overlap))
+    except (BadInputError, OSError, cv2.error) as error:  # what a damaged file may raise
+        rows.append(IndexedSequence(recording.where, "", problem=" ".join(str(error).split())))
+    return rows
+
+
+def _up_to_date(
+    sequence: ImageSequence, folder: Path, parameters: OverlapParameters, progress: tqdm[NoReturn]
+) -> OverlapIndex:
+    whole, start, stop = range_of(sequence)
+    index = stored_index(whole, folder, parameters)
+    if index is None:
+        progress.total = (progress.total or 0) + len(whole)
+        index = measure(whole, folder, parameters, progress.update)
+    return index if stop - start == len(whole) else index.part(start, stop)
+
+
+def _summary(recording: str, name: str, index: OverlapIndex, overlap: float) -> IndexedSequence:
+    reach = index.reach(overlap)
+    problem = next(iter(index.unreadable.values()), "")
+    return IndexedSequence(
+        recording,
+        name,
+        frames=len(index),
+        points=int(index.points.mean()) if len(index) else 0,
+        reach=int(np.median(reach)) if len(index) else 0,
+        pairs=int(reach.sum()),
+        unreadable=len(index.unreadable),
+        problem=problem,
+    )

@@ -1,0 +1,270 @@
+"""The overlap index: which later frames of a sequence still show what a frame shows (paper, pair selection)."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.errors import BadInputError
+from sips_lit.files import make_folder, write_whole
+from sips_lit.geometry.homography import apply_homography
+from sips_lit.tracking.klt import KltTracker
+from sips_lit.types import GreyImage, ImageSequence
+
+VERSION = 3
+MIN_TEXTURE = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class OverlapParameters:
+    """How overlap is measured.
+
+    ``spacing``: pixels between the points that are tracked (one per cell of a grid, replenished in every frame);
+    ``max_span``: frames after which a track is given up, which bounds the memory for a camera that stands still;
+    ``cut_survival``: where less than this fraction of the points survives one step, the shot was cut and all end there.
+    """
+
+    tracker: KltTracker = field(default_factory=KltTracker)
+    spacing: int = 16
+    max_span: int = 200
+    cut_survival: float = 0.15
+
+    def signature(self, sequence: ImageSequence) -> dict[str, Any]:
+        """What an index depends on; a stored one with another signature is stale."""
+        own = {key: value for key, value in asdict(self).items() if key != "tracker"}
+        frames = {"name": sequence.name, "fingerprint": sequence.fingerprint, "frames": len(sequence)}
+        return {"version": VERSION, **own, "tracker": dict(self.tracker.parameters), **frames}
+
+
+@dataclass(frozen=True, slots=True)
+class OverlapIndex:
+    """Overlap of each of N frames with its later frames, until none is left.
+
+    Row i of the table is ``survivors[offsets[i]:offsets[i + 1]]``: how many of the ``points[i]`` points of frame i are still
+    tracked in frames i + 1, i + 2, ...; it never grows along a row, unless the order of the frames means nothing.
+    ``unreadable`` tells of each frame that can't be read, why: it has no points, and no row goes on beyond it where
+    frames have an order.
+    """
+
+    survivors: NDArray[np.uint16]
+    offsets: NDArray[np.int64]
+    points: NDArray[np.int64]
+    unreadable: Mapping[int, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def overlap(self, index: int) -> NDArray[np.float64]:
+        """Overlap of frame ``index`` with frames index + 1, index + 2, ...; zero beyond the end."""
+        row = self.survivors[self.offsets[index] : self.offsets[index + 1]]
+        overlap: NDArray[np.float64] = row / max(1, self.points[index])
+        return overlap
+
+    def reach(self, overlap: float) -> NDArray[np.int64]:
+        """For each frame (N,) how many later frames still have at least this overlap."""
+        row_of = np.repeat(np.arange(len(self)), np.diff(self.offsets))
+        # the quotient as in `overlap`: a product of the target would miss some that are reached exactly
+        enough = self.survivors / np.maximum(1, self.points[row_of]) >= max(overlap, 1e-9)
+        return np.bincount(row_of, weights=enough, minlength=len(self)).astype(np.int64)
+
+    def partners(self, index: int, overlap: float) -> NDArray[np.int64]:
+        """The later frames that `reach` counts for frame ``index``, in order."""
+        return index + 1 + np.flatnonzero(self.overlap(index) >= max(overlap, 1e-9))
+
+    def part(self, start: int, stop: int) -> OverlapIndex:
+        """The index of frames ``start`` to ``stop`` (exclusive), counted from ``start``."""
+        ends = np.minimum(self.offsets[start + 1 : stop + 1], self.offsets[start:stop] + np.arange(stop - start)[::-1])
+        rows = [self.survivors[a:b] for a, b in zip(self.offsets[start:stop], ends, strict=True)]
+        unreadable = {index - start: why for index, why in self.unreadable.items() if start <= index < stop}
+        return _as_index(rows, self.points[start:stop], unreadable)
+
+
+def measure_overlap(
+    sequence: ImageSequence, parameters: OverlapParameters, on_frame: Callable[[], object] = lambda: None
+) -> OverlapIndex:
+    """Index of a sequence: by KLT in one pass over its frames, or by geometry where it knows its homographies.
+
+    A frame that can't be read is a break in the sequence. Raises BadInputError when at least half of them can't.
+
+    Only two frames are held at a time; what grows with the video is the index itself, by at most 2 ``max_span`` bytes a
+    frame.
+    """
+    planar = len(sequence) > 1 and sequence.homography(0, 1) is not None
+    points = np.zeros(len(sequence), np.int64)
+    rows: list[NDArray[np.uint16]] = []
+    unreadable: dict[int, str] = {}
+
+    def read(index: int) -> GreyImage | None:
+        try:
+            return sequence.frame(index)
+        except BadInputError as error:
+            unreadable[index] = str(error)
+            if 2 * len(unreadable) >= len(sequence):
+                raise BadInputError(
+                    f"half of the frames of {sequence.name} can't be read; the first of them: {min(unreadable.items())[1]}"
+                ) from error
+            return None
+
+    for index, point_count, finished in (
+        _map_all(sequence, read, parameters) if planar else _track_all(len(sequence), read, parameters)
+    ):
+        points[index] = point_count
+        rows += [np.array(row, np.uint16) for row in finished]
+        on_frame()
+    return _as_index(rows, points, unreadable)
+
+
+def _as_index(
+    rows: Sequence[NDArray[np.uint16]], points: NDArray[np.int64], unreadable: Mapping[int, str]
+) -> OverlapIndex:
+    offsets = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
+    return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points, unreadable)
+
+
+def _map_all(
+    sequence: ImageSequence, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
+) -> Iterator[tuple[int, int, list[list[int]]]]:
+    """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view.
+
+    Where the order of the frames means nothing a point need not be in view in the frames between, and none is in view in a
+    frame that can't be read.
+    """
+    spacing, sizes = parameters.spacing, _sizes(sequence, read)
+    for index, size in enumerate(sizes):
+        row: list[int] = []
+        width, height = size or (0, 0)
+        grid = np.mgrid[spacing // 2 : width : spacing, spacing // 2 : height : spacing].reshape(2, -1).T
+        seen = grid.astype(np.float64)
+        for later in range(index + 1, min(len(sequence), index + 1 + parameters.max_span)):
+            H = sequence.homography(index, later)
+            assert H is not None
+            with np.errstate(invalid="ignore"):
+                moved = apply_homography(H, seen)
+                inside = ((moved >= 0) & (moved <= np.array(sizes[later] or (0, 0)) - 1)).all(1)
+            if sequence.temporal:
+                seen = seen[inside]
+                if not len(seen):
+                    break
+            row.append(int(inside.sum()))
+        yield index, len(grid), [row]
+
+
+def _sizes(sequence: ImageSequence, read: Callable[[int], GreyImage | None]) -> list[tuple[int, ...] | None]:
+    """The size (W, H) of each frame, None where it can't be read.
+
+    The frames of a moving camera have one size, that of the first that can be read; the others are not looked at.
+    """
+    sizes: list[tuple[int, ...] | None] = []
+    for index in range(len(sequence)):
+        image = read(index)
+        sizes.append(None if image is None else image.shape[::-1])
+        if sequence.temporal and image is not None:
+            return sizes + sizes[-1:] * (len(sequence) - len(sizes))
+    return sizes
+
+
+def _track_all(
+    length: int, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
+) -> Iterator[tuple[int, int, list[list[int]]]]:
+    """For each frame: its index, how many points it has, and the rows that end here, in the order of their frames.
+
+    ``read`` gives a frame, or None where it can't be read: all tracks end there.
+
+    One set of tracks serves all frames: the points of frame i are those alive in it, so its survivors in frame j are the
+    tracks alive in j that were born in i or before. An earlier frame has fewer survivors, so rows end in order.
+    """
+    xy, born = np.zeros((0, 2), np.float32), np.zeros(0, np.int64)
+    open_rows: dict[int, list[int]] = {}
+    previous: GreyImage | None = None
+    for index in range(length):
+        image = read(index)
+        if previous is None or image is None:
+            xy, born = xy[:0], born[:0]
+        else:
+            xy, held = parameters.tracker.step(previous, image, xy)
+            if held.sum() < parameters.cut_survival * len(held):
+                held[:] = False
+            xy, born = xy[held], born[held]
+        finished = []
+        first = max(0, index - parameters.max_span)
+        alive = np.cumsum(np.bincount(np.maximum(born, first) - first, minlength=index - first + 1))
+        for row in list(open_rows):
+            survivors = int(alive[row - first]) if row >= first else 0
+            if survivors:
+                open_rows[row].append(min(survivors, np.iinfo(np.uint16).max))
+            else:
+                finished.append(open_rows.pop(row))
+        if image is not None:
+            fresh = _replenish(image, xy, parameters.spacing)
+            xy, born = np.concatenate([xy, fresh]), np.concatenate([born, np.full(len(fresh), index)])
+        open_rows[index] = []
+        if index == length - 1:
+            finished += open_rows.values()
+        previous = image
+        yield index, len(xy), finished
+
+
+def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArray[np.float32]:
+    """New points (M, 2): the best-textured pixel of each grid cell without a point, not close to any other point.
+
+    Texture is the smaller eigenvalue of the structure tensor, at half resolution: KLT refines the place anyway.
+    """
+    half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    block = max(1, spacing // 4)  # a cell is 2 x 2 blocks of the half-size image
+    rows, columns = half.shape[0] // (2 * block), half.shape[1] // (2 * block)
+    if not rows or not columns:
+        return np.zeros((0, 2), np.float32)
+    near = np.zeros((2 * rows, 2 * columns), np.uint8)
+    taken = (xy / (2 * block)).astype(np.int64)
+    taken = taken[(taken < [2 * columns, 2 * rows]).all(1)]
+    near[taken[:, 1], taken[:, 0]] = 1
+    free = cv2.dilate(near, np.ones((3, 3), np.uint8)) == 0
+    texture = cv2.cornerMinEigenVal(half, 3)[: 2 * block * rows, : 2 * block * columns]
+    texture = texture.reshape(2 * rows, block, 2 * columns, block) * free[:, None, :, None]
+    cells = texture.reshape(rows, 2 * block, columns, 2 * block).swapaxes(1, 2).reshape(rows, columns, -1)
+    best = cells.argmax(2)
+    row, column = np.nonzero(cells.max(2) > MIN_TEXTURE)
+    inside = best[row, column]
+    y, x = row * 2 * block + inside // (2 * block), column * 2 * block + inside % (2 * block)
+    return np.stack([2 * x + 0.5, 2 * y + 0.5], 1).astype(np.float32)
+
+
+def index_path(folder: Path, sequence: ImageSequence) -> Path:
+    """Where the index of a sequence is stored."""
+    digest = hashlib.sha256(f"{sequence.name}|{sequence.fingerprint}".encode()).hexdigest()[:8]
+    return folder / f"{sequence.name}-{digest}.overlap.npz"
+
+
+def save_index(path: Path, index: OverlapIndex, signature: Mapping[str, Any]) -> None:
+    """Writes an index atomically: a reader sees the old file or the new one, never half of one.
+
+    Raises BadInputError when the folder can't be written (full disk, no permission).
+    """
+    content, text = io.BytesIO(), np.array(json.dumps(signature, sort_keys=True))
+    why = np.array(json.dumps({str(frame): reason for frame, reason in index.unreadable.items()}))
+    np.savez(
+        content, survivors=index.survivors, offsets=index.offsets, points=index.points, unreadable=why, signature=text
+    )
+    make_folder(path.parent)
+    write_whole(path, content.getvalue())
+
+
+def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:
+    """The stored index, or None if there is none, it is damaged, or it was made from other frames or parameters."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if json.loads(str(stored["signature"])) != json.loads(json.dumps(signature)):
+                return None
+            unreadable = {int(frame): why for frame, why in json.loads(str(stored["unreadable"])).items()}
+            return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"], unreadable)
+    except Exception:  # a damaged zip file can raise almost anything, and an index can always be measured again
+        return None

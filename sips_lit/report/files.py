@@ -1,0 +1,99 @@
+"""Everything that a benchmark leaves behind, from its records."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+from torch.utils.tensorboard import SummaryWriter
+from tqdm import tqdm
+
+from sips_lit.evaluate.result import PairSetResult
+from sips_lit.files import make_folder, safe_name, write_whole
+from sips_lit.render.canvas import Picture
+from sips_lit.render.figure import figure_to_array
+from sips_lit.render.styles import detector_styles
+from sips_lit.report.embedding import svg_of
+from sips_lit.report.figures import Styles, charts
+from sips_lit.report.machine import describe_machine
+from sips_lit.report.page import report_page
+from sips_lit.report.pair_pictures import PairPicture
+from sips_lit.report.stored import store_results
+from sips_lit.report.tables import write_tables
+from sips_lit.report.tensorboard import log_numbers
+
+PairPictures = Mapping[tuple[str, str], Sequence[PairPicture]]
+"""By the keys of pair set and detector."""
+
+
+def write_report(
+    folder: Path,
+    results: Sequence[PairSetResult],
+    pictures: PairPictures,
+    date: str | None = None,
+    machine: Mapping[str, str] | None = None,
+) -> list[Path]:
+    """Writes ``report.html``, ``results.json``, ``summary.csv``, a CSV per pair set and detector, figures and TensorBoard.
+
+    ``date`` is shown as given; ``machine`` describes where the times were measured, this one if None. Returns the files.
+    Raises BadInputError when one cannot be written, or a picture cannot be read.
+    """
+    make_folder(folder)
+    results = [_with_different_names(result) for result in results]
+    styles = detector_styles(detector.name for result in results for detector in result.detectors)
+    numbers, page = folder / "results.json", folder / "report.html"
+    machine = describe_machine() if machine is None else machine
+    store_results(numbers, results, date, machine)
+    written = [numbers, *write_tables(folder, results), *_write_pictures(folder / "pictures", pictures)]
+    with SummaryWriter(str(folder / "tensorboard")) as writer:
+        log_numbers(writer, results)
+        written += _write_figures(folder / "figures", results, styles, writer)
+    html = report_page(results, pictures, styles, date, machine)
+    write_whole(page, html.encode())
+    return [page, *written, folder / "tensorboard"]
+
+
+def _with_different_names(result: PairSetResult) -> PairSetResult:
+    """The result with the key added to names that several detectors share, as figures tell them apart by name."""
+    count = Counter(detector.name for detector in result.detectors)
+    detectors = tuple(
+        replace(detector, name=f"{detector.name} ({detector.key})") if count[detector.name] > 1 else detector
+        for detector in result.detectors
+    )
+    return replace(result, detectors=detectors)
+
+
+def _write_figures(folder: Path, results: Sequence[PairSetResult], styles: Styles, writer: SummaryWriter) -> list[Path]:
+    """``<set>_<figure>.png`` and ``.svg``, and ``benchmark/<set>/<figure>`` in TensorBoard."""
+    written = []
+    for result in tqdm(results, desc="figures", unit="pair set", delay=2, leave=False):
+        for chart in charts(result, styles):
+            make_folder(folder)
+            stem = folder / f"{safe_name(result.key)}_{chart.key}"
+            picture = figure_to_array(chart.figure)
+            chart.figure.set_layout_engine("none")  # it is laid out now; doing it anew for the SVG would take as long
+            written += [_write_png(stem.with_suffix(".png"), picture), stem.with_suffix(".svg")]
+            write_whole(written[-1], svg_of(chart.figure).encode())
+            writer.add_image(f"benchmark/{result.key}/{chart.key}", picture, dataformats="HWC")
+    return written
+
+
+def _write_pictures(folder: Path, pictures: PairPictures) -> list[Path]:
+    """The pictures that are in no file yet, at full size."""
+    written = []
+    for (pair_set, detector), drawn in pictures.items():
+        for picture in drawn:
+            if isinstance(picture.image, Path):
+                continue
+            make_folder(folder / safe_name(pair_set))
+            path = folder / safe_name(pair_set) / f"{safe_name(detector)}_{safe_name(picture.label)}.png"
+            written.append(_write_png(path, picture.image))
+    return written
+
+
+def _write_png(path: Path, picture: Picture) -> Path:
+    write_whole(path, cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes())
+    return path

@@ -1,0 +1,50 @@
+"""Match pictures of what a benchmark measured, from the features that it kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sips_lit.detect.detector import SipsDetector
+from sips_lit.evaluate.feature_cache import FeatureCache, image_key
+from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.method import Method
+from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.result import DetectorResult
+from sips_lit.evaluate.runner import points_to_extract
+from sips_lit.report.pair_pictures import PairPicture, draw_pair_pictures
+from sips_lit.types import Features, FramePair, GreyImage, InlierCheck
+
+
+def draw_benchmark_pictures(
+    results: Sequence[DetectorResult],
+    methods: Sequence[Method],
+    pairs: PairSet,
+    measures: Measures,
+    cache_folder: Path,
+) -> Mapping[str, Sequence[PairPicture]]:
+    """The best, the median and the worst pair of each method that was measured, by its key."""
+    by_key = {method.key: method for method in methods}
+    return {result.key: _draw(result, by_key[result.key], pairs, measures, cache_folder) for result in results}
+
+
+def _draw(
+    result: DetectorResult, method: Method, pairs: PairSet, measures: Measures, cache_folder: Path
+) -> Sequence[PairPicture]:
+    cache = FeatureCache(cache_folder, method, points_to_extract(method, measures))
+    detector = method.detector
+
+    def features_of(image: GreyImage) -> Features:
+        return cache(image_key(image), lambda: image).features
+
+    def pair_of(at: int) -> tuple[FramePair, InlierCheck]:
+        return pairs.read(at, depth=False), pairs.check(at)
+
+    n = measures.budgets[0] if measures.budgets else measures.n_max
+    if not isinstance(detector, SipsDetector):
+        return draw_pair_pictures(result, pair_of, features_of, n)
+    return draw_pair_pictures(
+        result, pair_of, features_of, n, lambda image: detector.score_map(image).astype(np.float64)
+    )

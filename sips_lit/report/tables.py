@@ -1,0 +1,111 @@
+"""CSV files of a benchmark: a row a detector, and a row a pair."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.evaluate.result import DetectorResult, PairSetResult
+from sips_lit.files import make_folder, safe_name, write_whole
+from sips_lit.report.columns import columns_of
+from sips_lit.report.summary import main_k, median_needed, over_repeats, summary
+
+
+def write_tables(folder: Path, results: Sequence[PairSetResult]) -> list[Path]:
+    """Writes ``summary.csv`` and, per pair set and detector, ``<set>/<key>_pairs.csv`` and ``<set>/<key>_all.csv``.
+
+    A failure is ``inf``, what is undefined ``nan``. Raises BadInputError when a file cannot be written.
+    """
+    written = [_write(folder / "summary.csv", summary_rows(results))]
+    for result in results:
+        subfolder = folder / safe_name(result.key)
+        if result.detectors:
+            make_folder(subfolder)
+        for detector in result.detectors:
+            stem = safe_name(detector.key)
+            written.append(_write(subfolder / f"{stem}_pairs.csv", pair_rows(detector)))
+            written.append(_write(subfolder / f"{stem}_all.csv", wide_rows(detector)))
+    return written
+
+
+def summary_rows(results: Sequence[PairSetResult]) -> list[list[str]]:
+    """The header and a row for each detector on each pair set, unrounded; a cell is empty where the set lacks a column."""
+    tables = []
+    for result in results:
+        rows = [summary(detector) for detector in result.detectors]
+        tables.append((result, rows, columns_of(rows)))
+    keys = list(dict.fromkeys(key for *_, columns in tables for c in columns for key in _keys(c.key, c.deviation)))
+    lines = [["pair_set", "detector", "name", "pairs", "k", "n_max", "n", *keys]]
+    for result, rows, columns in tables:
+        for detector, row in zip(result.detectors, rows, strict=True):
+            cells = {column.key: _text(column.value(row)) for column in columns}
+            cells |= {f"{c.key}_deviation": _text(c.deviation(row)) for c in columns if c.deviation}
+            protocol = [str(row.pairs), str(row.k), str(row.n_max), "" if row.n is None else str(row.n)]
+            lines.append([result.key, detector.key, detector.name, *protocol, *(cells.get(key, "") for key in keys)])
+    return lines
+
+
+def pair_rows(result: DetectorResult) -> list[list[str]]:
+    """The columns of the paper's supplement: true rotation (degrees) and translation (metres), n_k, and pose errors at n_k.
+
+    Where the verification was repeated these are medians over the repeats.
+    """
+    k = main_k(result)
+    at = result.ks.index(k)
+    columns = [
+        result.pairs.rotation,
+        result.pairs.translation,
+        median_needed(result, k),
+        over_repeats(result.rotation_error[:, :, at]),
+        over_repeats(result.translation_error[:, :, at]),
+    ]
+    return _rows(["name", "dR", "dt", "nmin", "eR", "et"], result.pairs.name, columns)
+
+
+def wide_rows(result: DetectorResult) -> list[list[str]]:
+    """Everything that is known of each pair: n_k and pose errors for every k, and the counts at every budget."""
+    table = result.pairs
+    named: dict[str, NDArray[Any]] = {"overlap": table.overlap, "dR": table.rotation, "dt": table.translation}
+    named |= {"points0": result.points0, "points1": result.points1}
+    for index, k in enumerate(result.ks):
+        named[f"n_{k}"] = median_needed(result, k)
+        named[f"eR_{k}"] = over_repeats(result.rotation_error[:, :, index])
+        named[f"et_{k}"] = over_repeats(result.translation_error[:, :, index])
+    for n, budget in sorted(result.budgets.items()):
+        named[f"matches_at_{n}"] = budget.matches
+        named[f"inliers_at_{n}"] = over_repeats(budget.inliers.astype(np.float64))
+        named[f"eR_at_{n}"] = over_repeats(budget.rotation_error)
+        named[f"et_at_{n}"] = over_repeats(budget.translation_error)
+        named[f"repeatability_at_{n}"] = budget.repeatability
+        named[f"matching_score_at_{n}"] = budget.matching_score
+        named[f"spread_at_{n}"] = budget.spread
+    return _rows(["name", *named], table.name, list(named.values()))
+
+
+def _keys(key: str, deviation: object) -> list[str]:
+    return [key, f"{key}_deviation"] if deviation else [key]
+
+
+def _rows(header: list[str], names: Sequence[str], columns: Sequence[Iterable[float]]) -> list[list[str]]:
+    rows = zip(names, *columns, strict=True)
+    return [header, *([name, *(_text(float(value)) for value in values)] for name, *values in rows)]
+
+
+def _text(value: float) -> str:
+    if math.isfinite(value) and value == int(value):
+        return str(int(value))
+    return repr(float(value))  # the shortest that reads back exactly; inf and nan as such
+
+
+def _write(path: Path, rows: Sequence[Sequence[str]]) -> Path:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    write_whole(path, text.getvalue().encode())
+    return path

@@ -1,0 +1,88 @@
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from sips_lit.cli.app import CONF_DIR
+from sips_lit.cli.methods import known_detectors, make_methods, parse_entries
+from sips_lit.errors import BadInputError
+
+
+def composed(*overrides: str):
+    with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
+        return compose("benchmark", ["paths.run=x", *overrides])
+
+
+def methods(*overrides: str):
+    config, skipped = composed(*overrides), {}
+    made = make_methods(config, parse_entries(config.detectors), skipped.__setitem__)
+    return {method.key: method for method in made}, skipped
+
+
+def test_with_its_own_descriptor_and_the_common_one():
+    made, skipped = methods("detectors=[sift,orb,shi_tomasi]")
+    assert [c.name for c in made.values()] == [
+        "SIFT",
+        "SIFT + RootSIFT",
+        "ORB",
+        "ORB + RootSIFT",
+        "Shi-Tomasi + RootSIFT",
+    ]
+    assert list(made) == ["sift", "sift_rootsift", "orb", "orb_rootsift", "shi_tomasi_rootsift"]
+    assert not skipped
+    assert made["sift"].descriptor is None
+    assert len({str(c.signature) for c in made.values()}) == 5
+
+
+def test_without_a_common_descriptor():
+    made, skipped = methods("detectors=[sift,shi_tomasi]", "descriptor=own")
+    assert list(made) == ["sift"]
+    assert "does not describe its points" in skipped["shi_tomasi"]
+
+
+def test_overrides(checkpoint):
+    made, _ = methods("detectors=[{orb:{fast_threshold:20}},orb]", "descriptor=own")
+    assert [c.name for c in made.values()] == ["ORB (fast_threshold 20)", "ORB"]
+    assert made["orb_fast_threshold_20"].detector.fast_threshold == 20
+    assert made["orb_fast_threshold_20"].signature != made["orb"].signature
+
+
+def test_several_checkpoints(checkpoint):
+    made, skipped = methods(f"detectors=[{{sips:{{path:{checkpoint}}}}}, sips]", f"checkpoint={checkpoint}")
+    assert [c.name for c in made.values()] == [f"SIPs (path {checkpoint.name}) + RootSIFT", "SIPs + RootSIFT"]
+    assert not skipped
+
+
+def test_a_detector_that_can_not_be_made_is_left_out(tmp_path):
+    made, skipped = methods("detectors=[sips,superpoint,sift]", "descriptor=own")
+    assert list(made) == ["sift"]
+    assert skipped["sips"] == "checkpoint is not set: add checkpoint=... to the command"
+    assert "weights" in skipped["superpoint"]
+    _, skipped = methods("detectors=[sips]", f"checkpoint={tmp_path}/gone.ckpt")
+    assert "there is no checkpoint" in skipped["sips"]
+
+
+def test_all():
+    assert [entry.detector for entry in parse_entries("all")] == known_detectors()
+    assert {"sips", "sift", "orb", "random", "grid"} <= set(known_detectors())
+
+
+@pytest.mark.parametrize(
+    ("detectors", "words"),
+    [
+        (["sift", "siftt"], "there is no detector siftt: choose from .*shi_tomasi"),
+        (["sift", "sift"], "has sift twice"),
+        ([], "give all, or a list"),
+        ([3], "has the entry 3"),
+        ([{"sift": {}, "orb": {}}], "has the entry"),
+        ([{"orb": {"nonsense": 1}}], "sets nonsense of orb, which has no such key"),
+        ([{"orb": 5}], "has the entry"),
+        (7, "detectors is 7"),
+    ],
+)
+def test_what_is_refused_before_anything_runs(detectors, words):
+    with pytest.raises(BadInputError, match=words):
+        parse_entries(OmegaConf.create({"d": detectors}).d)
+
+
+def test_one_name_is_a_list():
+    assert [entry.key for entry in parse_entries("sift")] == ["sift"]

@@ -1,0 +1,126 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from kitti_files import make_kitti
+from robotcar_files import write_run
+
+from sips_lit.dataset_tools.recognise import recognise
+from sips_lit.errors import BadInputError
+
+IMAGE = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
+LAYOUTS = {
+    "euroc": ["mav0/cam0/sensor.yaml", "mav0/cam0/data/1.png"],
+    "kitti": ["dataset/sequences/00/image_0/000000.png", "dataset/sequences/00/calib.txt"],
+    "posed_depth": ["0000.jpg", "poses.txt", "cam.txt", "depth_128x416.npz"],
+    "rgbd": ["rgb.txt", "depth.txt", "groundtruth.txt", "rgb/1.png", "depth/1.png"],
+    "tum_mono": ["sequence_01/images.zip", "sequence_01/camera.txt", "sequence_01/times.txt"],
+    "robotcar": ["2014-05-06-12-54-54/stereo/centre/1399381445587559.png"],
+    "hpatches": ["v_bark/1.ppm", "v_bark/H_1_2"],
+    "video": ["a.mp4"],
+    "folder": ["a/1.png", "a/2.png"],
+}
+
+
+def lay_out(root: Path, files: list[str]) -> Path:
+    for name in files:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_bytes(IMAGE if name.endswith((".png", ".jpg")) else b"x")
+    return root
+
+
+@pytest.mark.parametrize("kind", LAYOUTS)
+def test_each_layout_is_known_by_its_files(tmp_path, kind):
+    found = recognise(lay_out(tmp_path / "some", LAYOUTS[kind]))
+    assert [d.kind for d in found] == [kind]
+
+
+def test_the_data_sets_of_a_folder_of_data_sets(tmp_path):
+    for kind in ("euroc", "hpatches", "rgbd", "video"):
+        lay_out(tmp_path / kind, LAYOUTS[kind])
+    assert {d.path.name: d.kind for d in recognise(tmp_path)} == {k: k for k in ("euroc", "hpatches", "rgbd", "video")}
+
+
+def test_rgbd_as_plain_folders(tmp_path):
+    root = lay_out(tmp_path, ["color/1.png", "depth/1.png", "poses.txt", "cam.json"])
+    assert [d.kind for d in recognise(root)] == ["rgbd"]
+
+
+HALVES = {
+    "euroc": [["mav0/cam1/data/1.png", "mav0/cam1/data/2.png"], ["mav0/cam0/data.csv", "mav0/cam0/data/1.png"]],
+    "kitti": [
+        ["sequences/00/calib.txt", "sequences/00/times.txt"],
+        ["dataset/sequences/00/image_1/000000.png"],
+        ["poses/00.txt"],
+        ["image_0/000000.png", "image_1/000000.png", "times.txt"],
+    ],
+    "posed_depth": [["1.png", "2.png", "poses.txt", "cam.txt"], ["1.png", "2.png", "cam.txt", "depth_1x1.npz"]],
+    "rgbd": [
+        ["color/1.png", "color/2.png", "poses.txt", "cam.json"],
+        ["depth/1.png", "depth/2.png", "cam.json"],
+        ["rgb/1.png", "rgb/2.png", "rgb.txt", "groundtruth.txt"],
+    ],
+    "tum_mono": [["vignette.png", "times.txt", "pcalib.txt"], ["images.zip", "times.txt"]],
+    "robotcar": [["2014-05-06-12-54-54/stereo.timestamps"]],
+    "hpatches": [["v_bark/1.ppm", "v_bark/H_1_6"], ["v_bark/1.ppm"], ["v_bark/ref.png", "v_bark/e1.png"]],
+}
+
+
+@pytest.mark.parametrize(("kind", "files"), [(kind, half) for kind, halves in HALVES.items() for half in halves])
+def test_half_of_a_data_set_is_known_for_what_it_is(tmp_path, kind, files):
+    (dataset,) = recognise(lay_out(tmp_path / "some", files))
+    assert dataset.kind == kind
+    with pytest.raises(BadInputError):  # and its loader says what is missing
+        dataset.sequences()
+
+
+def test_what_the_loader_must_be_told(tmp_path):
+    colour = make_kitti(tmp_path / "kitti", cameras=(2, 3))
+    (dataset,) = recognise(colour)
+    assert dataset.options == {"colour": True}
+    assert len(dataset.sequences()) == 1
+    assert recognise(make_kitti(tmp_path / "both"))[0].options == {}
+    write_run(tmp_path / "robotcar", camera="mono_rear")
+    (dataset,) = recognise(tmp_path / "robotcar")
+    assert dataset.options == {"camera": "mono_rear"}
+    assert len(dataset.sequences()) == 1
+
+
+def test_archives_are_to_be_unpacked(tmp_path):
+    with pytest.raises(BadInputError, match=r"unpack MH_01\.zip first"):
+        recognise(lay_out(tmp_path, ["MH_01.zip", "readme.txt"]))
+
+
+@pytest.mark.parametrize("files", [[], ["notes.txt"], ["a/b/notes.txt"]])
+def test_nothing_known_says_what_is_there(tmp_path, files):
+    lay_out(tmp_path, files)
+    with pytest.raises(BadInputError, match="holds no data set that is known here"):
+        recognise(tmp_path)
+
+
+def test_a_path_that_does_not_exist(tmp_path):
+    with pytest.raises(BadInputError, match="does not exist"):
+        recognise(tmp_path / "nowhere")
+
+
+@pytest.mark.shared_data
+def test_every_folder_of_the_shared_data(shared_data):
+    found = {d.path.name: d.kind for d in recognise(shared_data)}
+    assert found == {
+        "boofcv": "video",
+        "boofcv_driving_snow": "folder",
+        "boofcv_mvs": "video",
+        "euroc_v1_01_excerpt": "euroc",
+        "free_clips": "video",
+        "hpatches": "hpatches",
+        "kitti_odometry": "kitti",
+        "kitti_raw_0001_lowres": "posed_depth",
+        "rgbd_desk": "rgbd",
+        "odm_caliterra_stills": "folder",
+        "tum_fr1_xyz": "folder",
+        "tum_fr2_desk": "folder",
+        "udacity_lanes": "video",
+        "video_clips": "video",
+        "visp_cube": "folder",
+    }

@@ -1,0 +1,143 @@
+import math
+
+import numpy as np
+import pytest
+from textured_scenes import film, flight
+from wall_scene import Wall
+
+from sips_lit.baselines.shi_tomasi import ShiTomasi
+from sips_lit.baselines.sift import SiftDetector
+from sips_lit.describe.sift import RootSift
+from sips_lit.errors import BadInputError
+from sips_lit.evaluate.features import extract
+from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.verified_pair import measure_pair
+from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.inliers.klt import KltInliers
+from sips_lit.inliers.pose_depth import PoseDepthInliers
+from sips_lit.inliers.stereo_p3p import StereoP3PInliers
+from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.pairs.sampler import read_pair
+
+M = Measures(ks=(5, 10), n_max=80, budgets=(20, 50), repeats=3, iterations=100)
+
+
+def points(pair, detector=None, n=80):
+    return [extract(detector or ShiTomasi(), RootSift(), image, n) for image in (pair.image0, pair.image1)]
+
+
+@pytest.mark.parametrize("detector", [ShiTomasi(), SiftDetector()], ids=["corners", "sift"])
+@pytest.mark.parametrize("check", [PoseDepthInliers(), KltInliers()], ids=["pose_depth", "klt"])
+def test_n_k_by_its_definition(detector, check):
+    """Crop, match and verify anew for every n."""
+    pair = read_pair(Wall(6), 0, 3)
+    both = points(pair, detector)
+    counts = []
+    for n in range(81):
+        best = [features.best(n) for features in both]
+        matches = mutual_nearest(distances(*best))
+        counts.append(int(check(pair, best[0].keypoints, best[1].keypoints, matches).inlier.sum()))
+    measured = measure_pair(pair, *both, check, M)
+    for column, k in enumerate(M.ks):
+        enough = [n for n in range(81) if counts[n] >= k]
+        assert measured.n_k[0, column] == (enough[0] if enough else math.inf)
+    assert measured.budgets[20].inliers.tolist() == [counts[20]]
+    assert measured.budgets[50].inliers.tolist() == [counts[50]]
+
+
+@pytest.mark.parametrize("stereo", [False, True])
+def test_known_geometry(stereo):
+    """A wall, true poses: the corners are found again, the matches are right, the pose is found."""
+    pair = read_pair(Wall(6, depth=not stereo, stereo=stereo), 0, 2, between=False)
+    measured = measure_pair(pair, *points(pair), PoseDepthInliers(), M)
+    at = measured.budgets[50]
+    assert at.repeated.matching_score <= at.repeated.repeatability
+    assert at.repeated.repeatability > 0.6
+    assert (at.rotation_error < 0.3).all()
+    assert (at.translation_error < 0.1).all()
+    assert np.isfinite(measured.rotation_error).all()
+    assert set(measured.milliseconds) == {"match", "depth", "verify", "metrics"}
+
+
+def test_random_verification_is_repeated():
+    pair = read_pair(Wall(6, poses=False, depth=False, stereo=True), 0, 2, between=False)
+    both = points(pair)
+    measured = measure_pair(pair, *both, StereoP3PInliers(), M)
+    assert measured.n_k.shape == (3, 2)
+    assert (measured.n_k[:, 0] <= measured.n_k[:, 1]).all()
+    assert np.isfinite(measured.n_k).all()
+    assert np.isnan(measured.rotation_error).all()  # nobody knows the poses
+    assert math.isnan(measured.budgets[20].repeated.repeatability)
+    again = measure_pair(pair, *both, StereoP3PInliers(), M)
+    np.testing.assert_array_equal(measured.n_k, again.n_k)
+    exact = measure_pair(read_pair(Wall(6), 0, 2), *both, PoseDepthInliers(), M)
+    assert abs(np.median(measured.n_k[:, 1]) - exact.n_k[0, 1]) <= 5
+
+
+def test_its_pose_is_compared_where_the_true_one_is_known():
+    pair = read_pair(Wall(6, depth=False, stereo=True), 0, 2, between=False)
+    measured = measure_pair(pair, *points(pair), StereoP3PInliers(), M)
+    assert (measured.translation_error < 1).all()
+    assert measured.budgets[50].translation_error.shape == (3,)
+    assert (measured.budgets[50].translation_error < 0.1).all()
+
+
+def test_poses_may_be_left_out():
+    pair = read_pair(Wall(6), 0, 2)
+    measured = measure_pair(pair, *points(pair), PoseDepthInliers(), Measures(pose=False))
+    assert np.isnan(measured.rotation_error).all()
+    assert "depth" not in measured.milliseconds
+
+
+def test_images_without_points():
+    pair = read_pair(Wall(6), 0, 2)
+    both = [features.best(0) for features in points(pair)]
+    for check in (PoseDepthInliers(), StereoP3PInliers(), KltInliers()):
+        measured = measure_pair(pair, *both, check, M)
+        assert np.isinf(measured.n_k).all()
+        assert np.isinf(measured.translation_error).all()
+        at = measured.budgets[50]
+        assert (at.matches, at.spread, at.repeated.repeatability) == (0, 0, 0)
+        assert not at.inliers.any()
+
+
+def test_points_on_one_side_and_fewer_than_asked():
+    pair = read_pair(Wall(6), 0, 2)
+    first, second = points(pair)
+    for both in ((first.best(0), second), (first.best(3), second), (first, second.best(3))):
+        measured = measure_pair(pair, *both, PoseDepthInliers(), M)
+        assert np.isinf(measured.n_k).all()
+        assert measured.budgets[50].matches <= 3
+
+
+def test_no_depth_anywhere():
+    """Depth maps without a single value: nothing is known, nothing is an inlier."""
+    wall = Wall(6)
+    wall.depth = lambda index: np.full((120, 160), np.nan, np.float32)
+    pair = read_pair(wall, 0, 2)
+    for check in (PoseDepthInliers(), StereoP3PInliers()):
+        measured = measure_pair(pair, *points(pair), check, M)
+        assert np.isinf(measured.n_k).all()
+        assert np.isinf(measured.budgets[50].translation_error).all()
+        assert math.isnan(measured.budgets[50].repeated.repeatability)
+
+
+def test_planar_scenes():
+    pair = read_pair(flight(4), 0, 3)
+    measured = measure_pair(pair, *points(pair), HomographyInliers(), M)
+    assert measured.budgets[50].repeated.repeatability > 0.5
+    assert np.isnan(measured.budgets[50].rotation_error).all()
+    unknown = read_pair(film(4), 0, 3)
+    assert math.isnan(measure_pair(unknown, *points(pair), KltInliers(), M).budgets[50].repeated.repeatability)
+
+
+class Together(HomographyInliers):
+    """Judges all matches together, in its own way."""
+
+    independent = False
+
+
+def test_other_checks_that_judge_all_matches_together():
+    pair = read_pair(flight(4), 0, 3)
+    with pytest.raises(BadInputError, match="inliers=homography judges all matches together"):
+        measure_pair(pair, *points(pair), Together(), M)

@@ -1,0 +1,144 @@
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from textured_scenes import keypoints, texture
+
+from sips_lit.errors import BadInputError
+from sips_lit.inference.streams import Frame
+from sips_lit.inference.writers import CsvWriter, NpzWriter, PictureWriter, VideoWriter, open_writer
+from sips_lit.render.points import draw_points
+from sips_lit.types import Keypoints
+
+POINTS = keypoints([[1 / 3, 20.1], [30, 7.7777777]], [0.1, 1e-7], 2**0.5)
+
+
+def frame(name: str = "a", height: int = 48, width: int = 64) -> Frame:
+    grey = texture(height, width)
+    return Frame(name, grey, np.dstack([grey, 255 - grey, grey // 2]))
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_npz(tmp_path):
+    writer = NpzWriter(tmp_path / "deep" / "points")
+    writer.write(frame(), POINTS)
+    assert writer.written == "1 npz file"
+    writer.write(frame("b", 5, 9), Keypoints.empty())
+    writer.close()
+    assert writer.written == "2 npz files"
+    assert names(writer.folder) == ["a.npz", "b.npz"]
+    with np.load(writer.folder / "a.npz", allow_pickle=False) as stored:
+        assert sorted(stored) == ["image_size", "keypoints", "scales", "scores"]
+        np.testing.assert_array_equal(stored["keypoints"], POINTS.xy)
+        np.testing.assert_array_equal(stored["scores"], POINTS.score)
+        np.testing.assert_array_equal(stored["scales"], POINTS.scale)
+        np.testing.assert_array_equal(stored["image_size"], [64, 48])
+        assert {stored[name].dtype for name in ("keypoints", "scores", "scales")} == {np.dtype(np.float32)}
+    with np.load(writer.folder / "b.npz") as stored:
+        assert stored["keypoints"].shape == (0, 2)
+        assert stored["scores"].shape == (0,)
+        np.testing.assert_array_equal(stored["image_size"], [9, 5])
+
+
+def test_csv_reads_back_exactly(tmp_path):
+    writer = CsvWriter(tmp_path / "new" / "points.csv")
+    writer.write(frame("a,b"), POINTS)
+    writer.write(frame("none"), Keypoints.empty())
+    with writer.path.open(newline="") as handle:  # whole before it is closed
+        rows = list(csv.DictReader(handle))
+    writer.close()
+    assert writer.written == "points.csv (2 rows)"
+    assert [row["frame"] for row in rows] == ["a,b", "a,b"]
+    for column, expected in (("x", POINTS.xy[:, 0]), ("y", POINTS.xy[:, 1]), ("score", POINTS.score)):
+        np.testing.assert_array_equal(np.array([row[column] for row in rows], np.float32), expected)
+    np.testing.assert_array_equal(np.array([row["scale"] for row in rows], np.float32), POINTS.scale)
+
+
+def test_a_table_without_points_has_its_head(tmp_path):
+    CsvWriter(tmp_path / "points.csv").close()
+    assert (tmp_path / "points.csv").read_text() == "frame,x,y,score,scale\n"
+
+
+def test_pictures(tmp_path):
+    writer = PictureWriter(tmp_path / "overlay")
+    assert writer.written == "overlay/ (0 pictures)"
+    writer.write(frame(), POINTS)
+    assert writer.written == "overlay/ (1 picture)"
+    writer.write(frame("b", 7, 9), Keypoints.empty())
+    writer.close()
+    drawn = cv2.imread(str(tmp_path / "overlay" / "a.png"))[:, :, ::-1]
+    np.testing.assert_array_equal(drawn, draw_points(frame().picture, POINTS))
+    assert cv2.imread(str(tmp_path / "overlay" / "b.png")).shape == (7, 9, 3)
+
+
+@pytest.mark.parametrize("size", [(48, 64), (49, 65)])
+def test_a_video_is_there_when_it_is_finished(tmp_path, size):
+    writer = VideoWriter(tmp_path / "new" / "overlay.mp4", 12.5)
+    for name in "abc":
+        writer.write(frame(name, *size), POINTS)
+    assert "overlay.mp4" not in names(tmp_path / "new")
+    writer.close()
+    assert names(tmp_path / "new") == ["overlay.mp4"]
+    assert writer.written == "overlay.mp4 (3 frames)"
+    capture = cv2.VideoCapture(str(writer.path))
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(12.5)
+    frames = []
+    while (read := capture.read())[0]:
+        frames.append(read[1])
+    capture.release()
+    assert [image.shape for image in frames] == [(48, 64, 3)] * 3  # even sizes only
+    expected = draw_points(frame("a", *size).picture, POINTS)[:48, :64, ::-1]
+    assert np.abs(frames[0].astype(int) - expected).mean() < 20  # as good as the codec allows
+
+
+def test_no_frames_no_video(tmp_path):
+    VideoWriter(tmp_path / "overlay.mp4", 25).close()
+    assert names(tmp_path) == []
+
+
+def test_a_video_that_cannot_be_written(tmp_path):
+    writer = VideoWriter(tmp_path / "overlay.nonsense", 25)
+    with pytest.raises(BadInputError, match="cannot write a video of 64x48 pixels"):
+        writer.write(frame(), POINTS)
+    writer.close()
+    assert names(tmp_path) == []
+
+
+def test_which_writer(tmp_path):
+    assert isinstance(open_writer("npz", tmp_path, None), NpzWriter)
+    table = open_writer("csv", tmp_path, 25)
+    assert isinstance(table, CsvWriter)
+    table.close()
+    assert isinstance(open_writer("overlay", tmp_path, None), PictureWriter)
+    video = open_writer("overlay", tmp_path, 30)
+    assert isinstance(video, VideoWriter)
+    assert (video.path, video.fps) == (tmp_path / "overlay.mp4", 30)
+
+
+@pytest.mark.parametrize("kind", ["npz", "csv", "overlay"])
+@pytest.mark.parametrize("fps", [None, 25])
+def test_a_file_in_place_of_the_folder(tmp_path, kind, fps):
+    (tmp_path / "taken").touch()
+    with pytest.raises(BadInputError, match="cannot make the folder"):
+        open_writer(kind, tmp_path / "taken", fps)
+
+
+def test_folders_in_place_of_the_files(tmp_path):
+    for name in ("points.csv", "a.npz", "overlay/a.png"):
+        (tmp_path / name).mkdir(parents=True)
+    with pytest.raises(BadInputError, match=r"cannot write .*points\.csv"):
+        open_writer("csv", tmp_path, None)
+    for kind, name in (("npz", "a.npz"), ("overlay", "a.png")):
+        with pytest.raises(BadInputError, match=f"cannot write .*{name}"):
+            open_writer(kind, tmp_path, None).write(frame(), POINTS)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_stops_the_table():
+    with pytest.raises(BadInputError, match=r"cannot write /dev/full \(No space left on device\)"):
+        CsvWriter(Path("/dev/full"))

@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+from textured_scenes import keypoints
+
+from sips_lit.errors import BadInputError
+from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.inliers.verification import verify
+from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.types import Features, FramePair, Matches, Reason
+
+IMAGE = np.zeros((120, 160), np.uint8)
+PAIR = FramePair("wall:0-1", 0, 1, (IMAGE, IMAGE), IMAGE, IMAGE, np.array([[1, 0, 4], [0, 1, -3], [0, 0, 1.0]]))
+
+
+def features(n0: int, n1: int, seed: int) -> tuple[Features, Features]:
+    """Points of which many, but not all, correspond, with descriptors that often confuse them."""
+    generator = np.random.default_rng(seed)
+    xy0 = generator.uniform(10, 100, (n0, 2))
+    xy1 = generator.uniform(10, 100, (n1, 2))
+    d0, d1 = generator.normal(size=(n0, 3)), generator.normal(size=(n1, 3))
+    common = generator.permutation(min(n0, n1))[: int(0.7 * min(n0, n1))]
+    place = generator.permutation(n1)[: len(common)]
+    xy1[place] = xy0[common] + [4, -3] + generator.normal(size=(len(common), 2))
+    d1[place] = d0[common] + 0.4 * generator.normal(size=(len(common), 3))
+    return (
+        Features(keypoints(xy0), d0.astype(np.float32).round(1), "l2"),
+        Features(keypoints(xy1), d1.astype(np.float32).round(1), "l2"),
+    )
+
+
+def cropped(features0: Features, features1: Features, n: int) -> tuple[set[tuple[int, int]], set[tuple[int, int]]]:
+    """Matches and inliers of the n best points, matched anew."""
+    best0, best1 = features0.best(n), features1.best(n)
+    matches = mutual_nearest(distances(best0, best1))
+    inlier = HomographyInliers()(PAIR, best0.keypoints, best1.keypoints, matches).inlier
+    pairs = list(zip(matches.index0.tolist(), matches.index1.tolist(), strict=True))
+    return set(pairs), {pair for pair, good in zip(pairs, inlier, strict=True) if good}
+
+
+SIZES = [(40, 40), (25, 40), (40, 12), (1, 1), (0, 5), (0, 0)]
+
+
+@pytest.mark.parametrize(("n0", "n1"), SIZES)
+@pytest.mark.parametrize("seed", range(3))
+def test_every_budget_as_if_cropped_matched_and_checked_anew(n0, n1, seed):
+    features0, features1 = features(n0, n1, seed)
+    verified = verify(PAIR, features0, features1, HomographyInliers())
+    for n in range(51):
+        expected, expected_inliers = cropped(features0, features1, n)
+        matches, inliers = verified.at(n)
+        pairs = list(zip(matches.index0.tolist(), matches.index1.tolist(), strict=True))
+        assert set(pairs) == expected
+        assert len(pairs) == len(expected)
+        assert {pair for pair, good in zip(pairs, inliers.inlier, strict=True) if good} == expected_inliers
+        np.testing.assert_array_equal(inliers.inlier, inliers.reason == Reason.INLIER)
+        assert (len(inliers.known0), len(inliers.known1)) == (min(n, n0), min(n, n1))
+
+
+def test_a_budget_can_lose_inliers_here():
+    pairs = [verify(PAIR, *features(40, 40, seed), HomographyInliers()) for seed in range(3)]
+    counts = [[pair.at(n)[1].inlier.sum() for n in range(41)] for pair in pairs]
+    assert any((np.diff(c) < 0).any() for c in counts)  # so the comparison above covers matches that break
+    assert all(c[40] > 5 for c in counts)
+
+
+@pytest.mark.parametrize("k", [1, 5, 10, 25])
+@pytest.mark.parametrize("seed", range(3))
+def test_exact_search_finds_the_smallest_budget(k, seed):
+    both = features(40, 40, seed)
+    enough = [n for n in range(51) if len(cropped(*both, n)[1]) >= k]
+    found = verify(PAIR, *both, HomographyInliers(), "exact").points_needed(k, 50)
+    assert found == (min(enough) if enough else None)
+
+
+class Dependent:
+    """Calls nothing an inlier unless five matches agree, like an estimated pose."""
+
+    independent, uses_frames, uses_depth, protocol = False, False, False, {"inliers": "five"}
+
+    def __init__(self) -> None:
+        self.asked: list[Matches] = []
+
+    def __call__(self, pair, keypoints0, keypoints1, matches):
+        self.asked.append(matches)
+        answer = HomographyInliers()(pair, keypoints0, keypoints1, matches)
+        if answer.inlier.sum() < 5:
+            answer.inlier[:] = False
+        return answer
+
+
+def test_a_check_that_needs_all_matches_can_be_searched_by_halving_only():
+    both = features(40, 40, 0)
+    with pytest.raises(BadInputError, match=r"inliers=five judges all matches .* use search=binary"):
+        verify(PAIR, *both, Dependent(), "exact")
+    verified = verify(PAIR, *both, Dependent())
+    assert verified.points_needed(5, 40) == verify(PAIR, *both, Dependent(), "binary").points_needed(5, 40)
+    assert verified.at(30)[1].inlier.sum() == len(cropped(*both, 30)[1])
+
+
+def test_an_unknown_search():
+    with pytest.raises(BadInputError, match="search is guess"):
+        verify(PAIR, *features(5, 5, 0), HomographyInliers(), "guess")
+
+
+@pytest.mark.parametrize("k", [2, 5, 6])
+@pytest.mark.parametrize("seed", range(3))
+def test_search_by_halving_ends_where_enough_begins(k, seed):
+    both, check = features(40, 40, seed), Dependent()
+    found = verify(PAIR, *both, check, "binary").points_needed(k, 40)
+    assert found is not None
+    assert len(cropped(*both, found)[1]) >= max(k, 5)
+    assert found == k or len(cropped(*both, found - 1)[1]) < max(k, 5)
+    assert len(check.asked) <= 8  # 1 + log2(40)
+    for matches in check.asked:  # each time the matches of that budget, not those of another
+        pairs = set(zip(matches.index0.tolist(), matches.index1.tolist(), strict=True))
+        assert any(pairs == cropped(*both, n)[0] for n in range(41))
+
+
+def test_too_few_inliers_at_all():
+    both = features(40, 40, 0)
+    assert verify(PAIR, *both, HomographyInliers(), "exact").points_needed(41, 60) is None
+    assert verify(PAIR, *both, HomographyInliers(), "binary").points_needed(41, 60) is None

@@ -1,0 +1,112 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sips_lit.inliers.verifier import ExactVerifier, SearchVerifier
+from sips_lit.match.mutual_nearest import mutual_nearest, mutual_nearest_lifetimes
+from sips_lit.types import Inliers, Reason
+
+N = 30
+
+
+def scene(seed: int):
+    """Distances between N points of both images, and which pairs of points are inliers."""
+    generator = np.random.default_rng(seed)
+    return generator.random((N, N)), generator.random((N, N)) < 0.5
+
+
+def judged(matches, truth) -> Inliers:
+    inlier = truth[matches.index0, matches.index1]
+    reason = np.where(inlier, Reason.INLIER, Reason.FAR).astype(np.uint8)
+    return Inliers(inlier, reason, np.ones(N, bool), np.arange(N) % 2 == 0)
+
+
+def counts(distance, truth):
+    """Inliers at every budget, by cropping and matching anew."""
+    return [int(judged(mutual_nearest(distance[:n, :n]), truth).inlier.sum()) for n in range(N + 1)]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_exact(seed):
+    distance, truth = scene(seed)
+    lifetimes = mutual_nearest_lifetimes(distance)
+    judge = ExactVerifier(lifetimes, judged(lifetimes.matches, truth), N)
+    expected = counts(distance, truth)
+    for n in range(1, N + 1):
+        verified = judge.at(n, 0)
+        assert verified.count == expected[n]
+        assert len(verified.inliers.known0) == len(verified.inliers.known1) == n
+        assert len(verified.matches) == len(verified.inliers.inlier) == len(mutual_nearest(distance[:n, :n]))
+    for k in (1, 3, 6):
+        enough = [n for n in range(N + 1) if expected[n] >= k]
+        assert judge.needed(k, N, 0) == (enough[0] if enough else None)
+        within = [n for n in enough if n <= 12]
+        assert judge.needed(k, 12, 0) == (within[0] if within else None)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_searched(seed):
+    """What is found has k inliers and its predecessor lacks them; the exact one where inliers only grow."""
+    distance, truth = scene(seed)
+    judge = SearchVerifier(mutual_nearest_lifetimes(distance), lambda m, repeat: judged(m, truth), 2)
+    expected = counts(distance, truth)
+    for k in (1, 3, 6):
+        found = judge.needed(k, N, 1)
+        if found is None:
+            assert expected[N] < k
+            continue
+        assert expected[found] >= k > expected[found - 1]
+        if all(np.diff((np.array(expected) >= k).astype(int)) >= 0):
+            assert found == expected.index(next(c for c in expected if c >= k))
+
+
+class Asked:
+    """Remembers what it is asked."""
+
+    def __init__(self, truth):
+        self.truth, self.matches = truth, []
+
+    def __call__(self, matches, repeat):
+        self.matches.append((repeat, tuple(matches.index0), tuple(matches.index1)))
+        return judged(matches, self.truth)
+
+
+def test_nothing_is_asked_twice_and_searches_share():
+    distance, truth = np.abs(np.subtract.outer(np.arange(N), np.arange(N))) + 0.0, np.ones((N, N), bool)
+    asked = Asked(truth)
+    judge = SearchVerifier(mutual_nearest_lifetimes(distance), asked, 1)
+    assert [judge.needed(k, N, 0) for k in (4, 5, 6)] == [4, 5, 6]
+    together = len(asked.matches)
+    assert len(set(asked.matches)) == together
+    alone = 0
+    for k in (4, 5, 6):
+        one = Asked(truth)
+        SearchVerifier(mutual_nearest_lifetimes(distance), one, 1).needed(k, N, 0)
+        assert len(one.matches) <= 6
+        alone += len(one.matches)
+    assert together < alone
+    judge.at(5, 0)
+    assert len(asked.matches) == together
+
+
+def test_repeats_see_the_matches_in_another_order():
+    distance = np.abs(np.subtract.outer(np.arange(N), np.arange(N))) + 0.0
+    asked = Asked(np.ones((N, N), bool))
+    judge = SearchVerifier(mutual_nearest_lifetimes(distance), asked, 3)
+    orders = [judge.at(20, repeat).matches.index0 for repeat in range(3)]
+    assert [repeat for repeat, *_ in asked.matches] == [0, 1, 2]
+    assert len({tuple(order) for order in orders}) == 3
+    assert all(sorted(order) == list(range(20)) for order in orders)
+    again = SearchVerifier(mutual_nearest_lifetimes(distance), asked, 3).at(20, 2).matches.index0
+    np.testing.assert_array_equal(again, orders[2])
+    np.testing.assert_array_equal(judge.at(20, 0).matches.index0, judge.at(20, 0).matches.index1)
+
+
+def test_no_points():
+    lifetimes = mutual_nearest_lifetimes(np.zeros((0, 0)))
+    nothing = Inliers(np.zeros(0, bool), np.zeros(0, np.uint8), np.zeros(0, bool), np.zeros(0, bool))
+    for judge in (ExactVerifier(lifetimes, nothing, N), SearchVerifier(lifetimes, lambda m, r: nothing, 1)):
+        assert judge.needed(1, N, 0) is None
+        assert judge.at(N, 0).count == 0

@@ -1,0 +1,160 @@
+from collections import Counter
+
+import numpy as np
+import pytest
+from textured_scenes import ArraySequence, flight
+
+from sips_lit.errors import BadInputError
+from sips_lit.pairs.overlap import OverlapIndex
+from sips_lit.pairs.sampler import PairChoice, PairSampler, read_pair
+from sips_lit.types import Camera
+
+
+def index_of(rows: list[list[int]], points: int = 10) -> OverlapIndex:
+    return OverlapIndex(
+        np.array([survivors for row in rows for survivors in row], np.uint16),
+        np.cumsum([0, *map(len, rows)]),
+        np.full(len(rows), points),
+    )
+
+
+FIRST = index_of([[9, 6, 2], [8], [1], []])  # at 0.5: 0-1, 0-2, 1-2
+SECOND = index_of([[4], [7, 5], [2], [10], []])  # at 0.5: 1-2, 1-3, 3-4
+PAIRS = {(0, 0, 1), (0, 0, 2), (0, 1, 2), (1, 1, 2), (1, 1, 3), (1, 3, 4)}
+
+
+def test_exactly_the_eligible_pairs_occur_in_both_orders():
+    sampler = PairSampler([FIRST, SECOND], 0.5, seed=0)
+    drawn = {(c.sequence, c.index0, c.index1) for c in (sampler.draw(0, i) for i in range(400))}
+    assert drawn == PAIRS | {(s, b, a) for s, a, b in PAIRS}
+
+
+def test_frames_are_equally_likely_and_so_are_partners_and_orders():
+    sampler = PairSampler([FIRST, SECOND], 0.5, seed=1)
+    n = 3000
+    drawn = [sampler.draw(0, i) for i in range(n)]
+    first = Counter((c.sequence, min(c.index0, c.index1)) for c in drawn)
+    for frame in ((0, 0), (0, 1), (1, 1), (1, 3)):
+        assert abs(first[frame] - n / 4) < 4 * np.sqrt(n * 0.25 * 0.75)
+    partner = Counter(max(c.index0, c.index1) for c in drawn if (c.sequence, min(c.index0, c.index1)) == (0, 0))
+    assert abs(partner[1] - partner[2]) < 4 * np.sqrt(n / 4)
+    assert abs(sum(c.index0 < c.index1 for c in drawn) - n / 2) < 4 * np.sqrt(n / 4)
+
+
+def test_a_draw_depends_on_seed_epoch_and_index_only():
+    one, other = PairSampler([FIRST, SECOND], 0.5, seed=7), PairSampler([FIRST, SECOND], 0.5, seed=7)
+    draws = [one.draw(2, i) for i in range(50)]
+    assert [other.draw(2, i) for i in reversed(range(50))] == draws[::-1]
+    assert [one.draw(3, i) for i in range(50)] != draws
+    assert [PairSampler([FIRST, SECOND], 0.5, seed=8).draw(2, i) for i in range(50)] != draws
+
+
+def test_global_random_state_is_neither_used_nor_changed():
+    sampler = PairSampler([FIRST], 0.5, seed=0)
+    before = np.random.get_state()[1].copy()  # noqa: NPY002 - the point of the test
+    draws = [sampler.draw(0, i) for i in range(10)]
+    np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
+    np.random.seed(5)  # noqa: NPY002
+    assert [sampler.draw(0, i) for i in range(10)] == draws
+
+
+def test_no_pair_names_the_data_and_the_most_found():
+    with pytest.raises(BadInputError, match=r"no two frames of walk, drive overlap by 0\.95: the most found is 0\.90"):
+        PairSampler([FIRST, index_of([[3], []])], 0.95, seed=0, names=["walk", "drive"])
+
+
+@pytest.mark.parametrize("indexes", [[], [index_of([[], []])], [index_of([])]])
+def test_no_overlap_at_all(indexes):
+    with pytest.raises(BadInputError, match=r"no two frames of the data .* the most found is 0\.00"):
+        PairSampler(indexes, 0.3, seed=0)
+
+
+@pytest.mark.parametrize(("first", "last", "between"), [(2, 6, [3, 4, 5]), (6, 2, [5, 4, 3]), (4, 5, []), (5, 4, [])])
+def test_frames_in_order_and_complete(short_flight, first, last, between):
+    pair = read_pair(short_flight, first, last)
+    expected = [short_flight.frames[i] for i in [first, *between, last]]
+    assert len(pair.frames) == len(expected)
+    assert all(np.array_equal(a, b) for a, b in zip(pair.frames, expected, strict=True))
+    np.testing.assert_array_equal(pair.image0, short_flight.frames[first])
+    np.testing.assert_array_equal(pair.image1, short_flight.frames[last])
+    assert (pair.name, pair.index0, pair.index1) == (f"flight:{first}-{last}", first, last)
+    np.testing.assert_allclose(pair.homography, short_flight.homography(first, last))
+    assert pair.geometry is None
+
+
+def test_without_the_frames_between():
+    scene = flight(9)
+    pair = read_pair(scene, 7, 1, between=False)
+    assert scene.reads == 2
+    assert len(pair.frames) == 2
+    np.testing.assert_array_equal(pair.frames[0], scene.frames[7])
+    np.testing.assert_array_equal(pair.image1, scene.frames[1])
+
+
+class Posed(ArraySequence):
+    """Moves 0.5 m along x a frame; ``lacks`` leaves parts of the truth out."""
+
+    lacks: tuple[str, ...] = ()
+
+    def camera(self, index):
+        return None if "camera" in self.lacks else Camera(np.eye(3), (160, 120))
+
+    def pose(self, index):
+        T_world_camera = np.eye(4)
+        T_world_camera[0, 3] = 0.5 * index
+        return None if "pose" in self.lacks else T_world_camera
+
+    def depth(self, index):
+        return None if f"depth{index}" in self.lacks else np.full((120, 160), 2.0 + index)
+
+
+def test_geometry_maps_points_of_the_first_frame_into_the_second():
+    geometry = read_pair(Posed(flight(4).frames), 1, 3).geometry
+    assert geometry is not None
+    np.testing.assert_allclose(geometry.T_1_0 @ [0, 0, 5, 1], [-1, 0, 5, 1])  # the camera moved right, the point left
+    assert (geometry.depth0[0, 0], geometry.depth1[0, 0]) == (3, 5)
+
+
+@pytest.mark.parametrize("lacks", [("depth0",), ("depth2",), ("depth0", "depth2"), ("pose",), ("camera",)])
+def test_geometry_has_what_the_sequence_knows(lacks):
+    sequence = Posed(flight(3).frames)
+    sequence.lacks = lacks
+    geometry = read_pair(sequence, 0, 2).geometry
+    assert (geometry is None) == ("camera" in lacks)
+    if geometry is not None:
+        assert (geometry.T_1_0 is None) == ("pose" in lacks)
+        assert (geometry.depth0 is None) == ("depth0" in lacks)
+        assert (geometry.depth1 is None) == ("depth2" in lacks)
+
+
+class Stereo(Posed):
+    def depth(self, index):
+        return None
+
+    def right(self, index):
+        return self.frame(index)[:, ::-1]
+
+    def baseline(self):
+        return 0.3
+
+
+def test_right_images_stand_in_for_depth_maps():
+    sequence = Stereo(flight(3).frames)
+    geometry = read_pair(sequence, 0, 2).geometry
+    assert geometry.baseline == 0.3
+    np.testing.assert_array_equal(geometry.right1, sequence.right(2))
+    without = read_pair(sequence, 0, 2, depth=False).geometry
+    assert without.right0 is None
+    assert without.T_1_0 is not None
+
+
+def test_choices_are_values():
+    assert PairChoice(0, 1, 2) == PairChoice(0, 1, 2)
+    assert len({PairChoice(0, 1, 2), PairChoice(0, 1, 2), PairChoice(0, 2, 1)}) == 2
+
+
+def test_partners_of_unordered_frames_need_not_be_the_next_ones():
+    index = index_of([[2, 9, 0, 7], [0, 0, 10], [9], [1], []])  # at 0.5: 0-2, 0-4, 1-4, 2-3
+    sampler = PairSampler([FIRST, index], 0.5, seed=3)
+    drawn = {(c.index0, c.index1) for c in (sampler.draw(0, i) for i in range(400)) if c.sequence == 1}
+    assert {tuple(sorted(pair)) for pair in drawn} == {(0, 2), (0, 4), (1, 4), (2, 3)}

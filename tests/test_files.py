@@ -1,0 +1,73 @@
+import threading
+from pathlib import Path
+
+import pytest
+
+from sips_lit.errors import BadInputError
+from sips_lit.files import make_folder, write_whole
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_content_is_written_and_replaced(tmp_path):
+    path = tmp_path / "points.npz"
+    write_whole(path, b"one")
+    assert path.read_bytes() == b"one"
+    write_whole(path, b"")
+    assert path.read_bytes() == b""
+    assert names(tmp_path) == ["points.npz"]
+
+
+def test_what_cannot_be_written_leaves_no_trace(tmp_path):
+    target = tmp_path / "taken"
+    target.mkdir()
+    (target / "inside").touch()
+    with pytest.raises(BadInputError, match=r"cannot write .*taken \(.*\): free some space, or write elsewhere"):
+        write_whole(target, b"content")
+    assert names(tmp_path) == ["taken"]
+    with pytest.raises(BadInputError, match="No such file"):
+        write_whole(tmp_path / "gone" / "file", b"content")
+
+
+def test_a_failed_write_keeps_the_old_content(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    write_whole(path, b"old")
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(BadInputError, match="No space left on device"):
+        write_whole(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert names(tmp_path) == ["file"]
+
+
+def test_readers_see_whole_files_only(tmp_path):
+    path, contents = tmp_path / "file", (b"a" * 300_000, b"b" * 300_000)
+    write_whole(path, contents[0])
+    seen, stop = set(), threading.Event()
+
+    def read() -> None:
+        while not stop.is_set():
+            seen.add(path.read_bytes())
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    for turn in range(20):
+        write_whole(path, contents[turn % 2])
+    stop.set()
+    reader.join()
+    assert seen <= set(contents)
+
+
+def test_folders_with_those_above_them(tmp_path):
+    make_folder(tmp_path / "a" / "b")
+    make_folder(tmp_path / "a" / "b")
+    assert (tmp_path / "a" / "b").is_dir()
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(BadInputError, match=r"cannot make the folder .*: choose another place"):
+            make_folder(path)
