@@ -59,7 +59,7 @@ class AtBudget:
 
 
 @dataclass(frozen=True, slots=True)
-class DetectorResult:
+class MethodResult:
     """One detector with one descriptor on one pair set.
 
     ``n_k`` (P, R, K): points needed for each k of ``ks``, inf = failure; ``rotation_error`` and ``translation_error``
@@ -93,5 +93,5 @@ class PairSetResult:
     key: str
     title: str
     protocol: Mapping[str, Any]
-    detectors: tuple[DetectorResult, ...]
+    detectors: tuple[MethodResult, ...]
     skipped: Mapping[str, str]

@@ -24,7 +24,7 @@ from sips_lit.evaluate.features import has_scores
 from sips_lit.evaluate.measure import Measures, PairMeasurement
 from sips_lit.evaluate.method import Method
 from sips_lit.evaluate.pair_set import PairSet
-from sips_lit.evaluate.result import NO_SCORES, AtBudget, DetectorResult
+from sips_lit.evaluate.result import NO_SCORES, AtBudget, MethodResult
 from sips_lit.evaluate.verified_pair import measure_pair, with_memory
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
 
@@ -37,7 +37,7 @@ def run_methods(
     workers: int = 2,
     title: str = "",
     on_skip: Callable[[str, str], None] = lambda key, reason: None,
-) -> list[DetectorResult]:
+) -> list[MethodResult]:
     """Measures each method on all pairs, by ``workers`` threads.
 
     A method that fails on an image is told to ``on_skip`` with the reason, and left out. Raises BadInputError for
@@ -122,12 +122,12 @@ def summarise(
     features: Mapping[tuple[int, int], ImageFeatures],
     measured: Sequence[PairMeasurement],
     n: int,
-) -> DetectorResult:
+) -> MethodResult:
     """What was measured of all pairs as one record."""
     points0 = [len(features[p.sequence, p.index0].features) for p in pairs.listed]
     points1 = [len(features[p.sequence, p.index1].features) for p in pairs.listed]
     defects = sum((entry.defects for entry in features.values()), Defects())
-    return DetectorResult(
+    return MethodResult(
         key=method.key,
         name=method.name,
         protocol={

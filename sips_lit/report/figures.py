@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from matplotlib.figure import Figure
 
-from sips_lit.evaluate.result import DetectorResult, FloatArray, PairSetResult
+from sips_lit.evaluate.result import FloatArray, MethodResult, PairSetResult
 from sips_lit.render.benchmark_curves import draw_against_k, draw_succinctness_curves
 from sips_lit.render.calibration_counts import draw_calibrations
 from sips_lit.render.pose_curves import draw_pose_curves
@@ -111,12 +111,12 @@ def _pose(result: PairSetResult, styles: Styles, legend: bool, error: Error, sev
         yield Chart(f"{error}_error", f"{error.title()} error at {n} points", caption, figure)
 
 
-def _auc_of_each_k(result: DetectorResult, error: Error, limit: float) -> FloatArray:
+def _auc_of_each_k(result: MethodResult, error: Error, limit: float) -> FloatArray:
     errors = result.translation_error if error == "translation" else result.rotation_error
     return np.array([error_auc(errors[:, :, index], limit) for index in range(len(result.ks))])
 
 
-def _errors(result: DetectorResult, n: int, error: Error) -> FloatArray:
+def _errors(result: MethodResult, n: int, error: Error) -> FloatArray:
     at = result.budgets[n]
     return at.translation_error if error == "translation" else at.rotation_error
 

@@ -12,14 +12,14 @@ from sips_lit.evaluate.feature_cache import FeatureCache, image_key
 from sips_lit.evaluate.measure import Measures
 from sips_lit.evaluate.method import Method
 from sips_lit.evaluate.pair_set import PairSet
-from sips_lit.evaluate.result import DetectorResult
+from sips_lit.evaluate.result import MethodResult
 from sips_lit.evaluate.runner import points_to_extract
 from sips_lit.report.pair_pictures import PairPicture, draw_pair_pictures
 from sips_lit.types import Features, FramePair, GreyImage, InlierCheck
 
 
 def draw_benchmark_pictures(
-    results: Sequence[DetectorResult],
+    results: Sequence[MethodResult],
     methods: Sequence[Method],
     pairs: PairSet,
     measures: Measures,
@@ -31,7 +31,7 @@ def draw_benchmark_pictures(
 
 
 def _draw(
-    result: DetectorResult, method: Method, pairs: PairSet, measures: Measures, cache_folder: Path
+    result: MethodResult, method: Method, pairs: PairSet, measures: Measures, cache_folder: Path
 ) -> Sequence[PairPicture]:
     cache = FeatureCache(cache_folder, method, points_to_extract(method, measures))
     detector = method.detector

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sips_lit.evaluate.result import DetectorResult, FloatArray
+from sips_lit.evaluate.result import FloatArray, MethodResult
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
 from sips_lit.render.canvas import Picture
 from sips_lit.render.matches import draw_matches
@@ -26,7 +26,7 @@ class PairPicture:
 
 
 def draw_pair_pictures(
-    result: DetectorResult,
+    result: MethodResult,
     pair_of: Callable[[int], tuple[FramePair, InlierCheck]],
     features_of: Callable[[GreyImage], Features],
     n: int = 50,

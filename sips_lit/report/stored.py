@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.result import AtBudget, DetectorResult, PairSetResult, PairTable
+from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult, PairTable
 from sips_lit.files import write_whole
 from sips_lit.metrics.calibration import CalibrationResult
 
@@ -91,7 +91,7 @@ def _fields(record: Any, *left_out: str) -> dict[str, Any]:
     return {name: plain(getattr(record, name)) for name in record.__dataclass_fields__ if name not in left_out}
 
 
-def _detector(result: DetectorResult) -> dict[str, Any]:
+def _detector(result: MethodResult) -> dict[str, Any]:
     stored = _fields(result, "pairs", "budgets", "calibration")
     stored["pairs"] = _fields(result.pairs)
     stored["budgets"] = [_fields(budget) for budget in result.budgets.values()]
@@ -104,11 +104,11 @@ def _read_pair_set(stored: Mapping[str, Any]) -> PairSetResult:
     return PairSetResult(stored["key"], stored["title"], stored["protocol"], detectors, stored["skipped"])
 
 
-def _read_detector(stored: Mapping[str, Any]) -> DetectorResult:
+def _read_detector(stored: Mapping[str, Any]) -> MethodResult:
     pairs, ks = stored["pairs"], tuple(stored["ks"])
     count = len(pairs["name"])
     budgets = [_read_budget(budget, count) for budget in stored["budgets"]]
-    return DetectorResult(
+    return MethodResult(
         key=stored["key"],
         name=stored["name"],
         protocol=stored["protocol"],

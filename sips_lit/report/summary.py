@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.result import NO_SCORES, AtBudget, DetectorResult, FloatArray
+from sips_lit.evaluate.result import NO_SCORES, AtBudget, FloatArray, MethodResult
 from sips_lit.metrics.pose_auc import pose_auc
 from sips_lit.metrics.succinctness import SuccinctnessResult, histogram, summarise
 
@@ -54,7 +54,7 @@ class Summary:
     milliseconds: Mapping[str, float]
 
 
-def summary(result: DetectorResult) -> Summary:
+def summary(result: MethodResult) -> Summary:
     """The row of a detector."""
     k, n = main_k(result), main_budget(result)
     pooled = succinctness(result, k)
@@ -91,25 +91,25 @@ def summary(result: DetectorResult) -> Summary:
     )
 
 
-def main_k(result: DetectorResult) -> int:
+def main_k(result: MethodResult) -> int:
     """The k of tables and curves: the protocol's, else the paper's, else the first."""
     asked = result.protocol.get("k", PAPERS_K)
     return asked if asked in result.ks else PAPERS_K if PAPERS_K in result.ks else result.ks[0]
 
 
-def main_budget(result: DetectorResult) -> int | None:
+def main_budget(result: MethodResult) -> int | None:
     """The points an image of tables and pose curves: the paper's 50, else the fewest asked for; None if none were."""
     asked = result.protocol.get("budgets", result.budgets)
     return PAPERS_BUDGET if PAPERS_BUDGET in asked else min(asked, default=None)
 
 
-def pose_limits(result: DetectorResult) -> tuple[float, float]:
+def pose_limits(result: MethodResult) -> tuple[float, float]:
     """Errors up to which pose AUC is measured: metres, degrees. The protocol's, else the paper's 1 m and 1 degree."""
     translation, rotation = (result.protocol.get(f"{error}_limit", 1.0) for error in ("translation", "rotation"))
     return float(translation), float(rotation)
 
 
-def succinctness(result: DetectorResult, k: int, repeat: int | None = None) -> SuccinctnessResult:
+def succinctness(result: MethodResult, k: int, repeat: int | None = None) -> SuccinctnessResult:
     """Succinctness for one of ``result.ks``, of one repeat or of all of them pooled."""
     needed = result.n_k[:, :, result.ks.index(k)]
     chosen = needed if repeat is None else needed[:, [repeat]]
@@ -134,7 +134,7 @@ def error_curve(errors: NDArray[Any], limit: float) -> tuple[FloatArray, FloatAr
     return x, y
 
 
-def median_needed(result: DetectorResult, k: int) -> FloatArray:
+def median_needed(result: MethodResult, k: int) -> FloatArray:
     """n_k (P,) of each pair, the median over the repeats; inf where it failed."""
     return over_repeats(result.n_k[:, :, result.ks.index(k)])
 

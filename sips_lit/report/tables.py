@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.evaluate.result import DetectorResult, PairSetResult
+from sips_lit.evaluate.result import MethodResult, PairSetResult
 from sips_lit.files import make_folder, safe_name, write_whole
 from sips_lit.report.columns import columns_of
 from sips_lit.report.summary import main_k, median_needed, over_repeats, summary
@@ -52,7 +52,7 @@ def summary_rows(results: Sequence[PairSetResult]) -> list[list[str]]:
     return lines
 
 
-def pair_rows(result: DetectorResult) -> list[list[str]]:
+def pair_rows(result: MethodResult) -> list[list[str]]:
     """The columns of the paper's supplement: true rotation (degrees) and translation (metres), n_k, and pose errors at n_k.
 
     Where the verification was repeated these are medians over the repeats.
@@ -69,7 +69,7 @@ def pair_rows(result: DetectorResult) -> list[list[str]]:
     return _rows(["name", "dR", "dt", "nmin", "eR", "et"], result.pairs.name, columns)
 
 
-def wide_rows(result: DetectorResult) -> list[list[str]]:
+def wide_rows(result: MethodResult) -> list[list[str]]:
     """Everything that is known of each pair: n_k and pose errors for every k, and the counts at every budget."""
     table = result.pairs
     named: dict[str, NDArray[Any]] = {"overlap": table.overlap, "dR": table.rotation, "dt": table.translation}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.result import AtBudget, DetectorResult, PairSetResult, PairTable
+from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult, PairTable
 from sips_lit.metrics.calibration import CalibrationResult, bin_sums, summarise
 
 KS = (5, 6, 7, 8, 10, 12, 15, 20, 25, 30)
@@ -69,7 +69,7 @@ def detector_result(
     n_max: int = 200,
     probabilities: bool = False,
     key: str | None = None,
-) -> DetectorResult:
+) -> MethodResult:
     generator = np.random.default_rng(seed)
     pairs = len(table)
     excess = generator.gamma(1.3, 40 * (1.05 - quality), (pairs, 1)) + generator.random((pairs, repeats)) * 3
@@ -80,7 +80,7 @@ def detector_result(
     errors = np.where(np.isfinite(n_k), errors, np.inf)
     errors[np.isnan(table.translation)] = np.nan
     base, _, descriptor = name.partition(" + ")
-    return DetectorResult(
+    return MethodResult(
         key or name.lower().replace(" + ", "_").replace(" ", "_"),
         name,
         {
