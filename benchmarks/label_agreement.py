@@ -47,8 +47,8 @@ HEADERS = [
 
 
 def row(overlap: float, truth: str, points: str, gap: str, pairs: int, found: LabelQuality) -> list[object]:
-    matches, true = found.judged + found.unknown, found.both + found.missed
-    known, share = found.judged / max(matches, 1), true / max(found.judged, 1)
+    matches, true = found.compared + found.unknown, found.true_positives + found.false_negatives
+    known, share = found.compared / max(matches, 1), true / max(found.compared, 1)
     return [overlap, truth, points, gap, pairs, matches, known, share, found.precision, found.recall]
 
 

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ GreyImage = NDArray[np.uint8]
 """(H, W) uint8."""
 FloatArray = NDArray[np.floating[Any]]
 Norm = Literal["l2", "hamming"]
+ScoreKind = Literal["probability", "order", "none"]
+"""What scores mean: the probability of being an inlier; an order and nothing else; nothing, so points have no order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +89,10 @@ class ImageSequence(ABC):
 class ViewGeometry:
     """Known geometry of a pair: cameras, ``T_1_0`` (4, 4), depth maps (H, W) in metres with NaN where unknown.
 
-    ``T_1_0`` is None where poses are not known. One of the depth maps may be None: then the points of that image are known
-    only through their matches, and points that are hidden there are not noticed. Where there are no depth maps the
-    rectified stereo partners ``right0`` and ``right1`` (H, W) may tell the depth; they are ``baseline`` metres to the right
-    (to the left if negative: a mirror swaps the sides).
+    ``T_1_0`` is None where poses are not known. One of the depth maps may be None: then points that are hidden there are not
+    noticed. Without a map the rectified stereo partner of an image, ``right0`` or ``right1`` (H, W), may tell the depth; it
+    is ``baseline`` metres to the right (to the left if negative: a mirror swaps the sides). Without either, the points of
+    that image are known only through their matches.
     """
 
     T_1_0: FloatArray | None
@@ -127,19 +129,21 @@ class Keypoints:
     """N points of one image, best first.
 
     ``xy`` (N, 2) float32 pixels; ``score`` (N,) float32, descending (for SIPs the probability of being an inlier);
-    ``scale`` (N,) float32, the size of the point relative to the finest scale (1 = full resolution).
+    ``scale`` (N,) float32, the size of the point relative to the finest scale (1 = full resolution); ``depth`` (N,) float64
+    along the optical axis in metres, NaN where unknown, or None where nobody has measured it.
     """
 
     xy: NDArray[np.float32]
     score: NDArray[np.float32]
     scale: NDArray[np.float32]
+    depth: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.xy)
 
     def best(self, n: int) -> Keypoints:
         """The first ``n`` points (all, if there are fewer)."""
-        return Keypoints(self.xy[:n], self.score[:n], self.scale[:n])
+        return Keypoints(self.xy[:n], self.score[:n], self.scale[:n], None if self.depth is None else self.depth[:n])
 
     @staticmethod
     def empty() -> Keypoints:
@@ -216,12 +220,21 @@ class Detector(Protocol):
         """Whether it has descriptors of its own."""
         ...
 
+    @property
+    def scores(self) -> ScoreKind:
+        """What its scores mean."""
+        ...
+
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points of ``image``, best first."""
         ...
 
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
         """At most ``n`` points with the detector's own descriptors; only where ``describes`` is true."""
+        ...
+
+    def score_map(self, image: GreyImage) -> FloatArray | None:
+        """The score (H, W) of every pixel of ``image``, from 0 to 1, for pictures; None if it has no such map."""
         ...
 
 
@@ -240,6 +253,32 @@ class Descriptor(Protocol):
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, D) descriptors of the N keypoints, one each, whatever their distance to the border."""
+        ...
+
+
+class DisparityMatcher(Protocol):
+    """Finds the disparity of points of an image in its rectified stereo partner."""
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Its thresholds, for results."""
+        ...
+
+    def disparity(
+        self, image: GreyImage, partner: GreyImage, xy: FloatArray, to_the_right: bool = True
+    ) -> NDArray[np.float64]:
+        """Disparity (N,) in pixels of points (N, 2), positive, NaN where there is none.
+
+        ``to_the_right``: the partner was taken to the right of the image.
+        """
+        ...
+
+
+class PreparedCheck(Protocol):
+    """An inlier check that has seen the pair and its points."""
+
+    def __call__(self, matches: Matches, repeat: int = 0) -> Inliers:
+        """Verifies M matches between these points. A check that draws random samples draws others for each ``repeat``."""
         ...
 
 
@@ -265,27 +304,22 @@ class InlierCheck(Protocol):
         ...
 
     @property
+    def stereo(self) -> DisparityMatcher | None:
+        """How it wants depth to be found where there are stereo partners instead of maps; None if it does not care."""
+        ...
+
+    @property
     def protocol(self) -> Mapping[str, Any]:
         """The method and its thresholds, for results."""
         ...
 
-    def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
-        """Judges M matches between the points of both images."""
-        ...
-
-
-class PreparedCheck(Protocol):
-    """An inlier check that has seen the pair and its points."""
-
-    def __call__(self, matches: Matches) -> Inliers:
-        """Judges M matches between these points."""
-        ...
-
-
-@runtime_checkable
-class PreparableCheck(InlierCheck, Protocol):
-    """An inlier check whose costly part does not depend on the matches: prepared once, it judges many sets of them."""
-
     def prepare(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints) -> PreparedCheck:
-        """Does that part for all points of both images."""
+        """Does what depends on the points alone, for any number of sets of matches between them.
+
+        Depth that the keypoints bring is taken as it is. Raises BadInputError for a pair that it cannot verify.
+        """
+        ...
+
+    def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
+        """Verifies M matches between the points of both images; raises as `prepare`."""
         ...

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from sips_lit.baselines.network_image import as_features, best_inside, network_image
 from sips_lit.baselines.weights import fill, import_kornia, packaged_weights, read_weights
+from sips_lit.detect.base import BaseDetector
 from sips_lit.errors import BadInputError
 from sips_lit.types import Features, GreyImage, Keypoints
 
@@ -16,7 +17,7 @@ VARIANTS: Final = ("t16", "n16", "n16rot", "n32")
 _CANDIDATES = 20_000  # maxima that are looked at: more than any budget, few enough to refine
 
 
-class Aliked:
+class Aliked(BaseDetector):
     """ALIKED with the network's own suppression (strict maxima in 5 x 5) and soft-argmax to sub-pixel positions.
 
     There is no threshold on the score: the budget alone cuts. Pixel (0, 0) of the score map is the first pixel's

@@ -7,11 +7,11 @@ import zlib
 
 import numpy as np
 
-from sips_lit.baselines.points_only import PointsOnly
+from sips_lit.detect.base import BaseDetector
 from sips_lit.types import FloatArray, GreyImage, Keypoints
 
 
-class RandomPoints(PointsOnly):
+class RandomPoints(BaseDetector):
     """Uniformly random sub-pixel points: the same for the same image and ``seed``, and fewer are a part of more."""
 
     name = "random"
@@ -27,7 +27,7 @@ class RandomPoints(PointsOnly):
         return _in_this_order(generator.random((max(n, 0), 2)) * (width - 1, height - 1))
 
 
-class GridPoints(PointsOnly):
+class GridPoints(BaseDetector):
     """Points of a regular grid, in a fixed random order, so that the first few are spread over the image, too."""
 
     name = "grid"

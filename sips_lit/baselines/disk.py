@@ -6,10 +6,11 @@ import torch
 
 from sips_lit.baselines.network_image import as_features, best_inside, network_image
 from sips_lit.baselines.weights import fill, import_kornia, packaged_weights, read_weights
+from sips_lit.detect.base import BaseDetector
 from sips_lit.types import Features, GreyImage, Keypoints
 
 
-class Disk:
+class Disk(BaseDetector):
     """DISK trained with depth, with the network's own suppression (strict maxima in 5 x 5, score above 0).
 
     Points are whole pixels of the score map, whose pixel (0, 0) is the first pixel's centre: nothing is shifted. It

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 
 from sips_lit.baselines.cv_keypoints import attribute, positions
-from sips_lit.baselines.points_only import PointsOnly
+from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints
 from sips_lit.types import GreyImage, Keypoints
 
 
-class Fast(PointsOnly):
+class Fast(BaseDetector):
     """OpenCV's FAST 9-16 with its 3 x 3 non-maximum suppression.
 
     The score is the largest ``threshold`` (grey levels) at which the point is still a corner; the low default fills

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from sips_lit.baselines.corners import strongest_corners
-from sips_lit.baselines.points_only import PointsOnly
+from sips_lit.detect.base import BaseDetector
 from sips_lit.types import GreyImage, Keypoints
 
 
-class Harris(PointsOnly):
+class Harris(BaseDetector):
     """Corners by Harris' measure (k = 0.04), no two nearer than ``min_distance`` px."""
 
     name = "Harris"

@@ -8,8 +8,8 @@ import numpy as np
 import torch
 
 from sips_lit.baselines.network_image import network_image
-from sips_lit.baselines.points_only import PointsOnly
 from sips_lit.baselines.weights import fill, import_kornia, read_weights
+from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage, Keypoints
@@ -19,7 +19,7 @@ _CANDIDATES = 5000  # of each level, before all are ranked together
 _BORDER = 15  # pixels of a level without points
 
 
-class KeyNet(PointsOnly):
+class KeyNet(BaseDetector):
     """Key.Net with its own pyramid (one level up, four down, sqrt(2) apart) and suppression (15 x 15 on each level).
 
     The scale of a point is that of its level, and at least 1.

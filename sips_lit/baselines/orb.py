@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from sips_lit.baselines.cv_keypoints import attribute, positions
+from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.types import Features, FloatArray, GreyImage, Keypoints, Norm
 
@@ -13,7 +14,7 @@ _STEP = 1.2  # between the levels of OpenCV's pyramid
 _EDGE = 31  # OpenCV's margin without points, in pixels of the level
 
 
-class OrbDetector:
+class OrbDetector(BaseDetector):
     """OpenCV's ORB with its defaults, but for a ``fast_threshold`` of 7 instead of 20, so that dull images give points.
 
     The scale of a point is that of its pyramid level. There are no points within 31 px (of the

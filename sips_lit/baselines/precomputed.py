@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from sips_lit.baselines.feature_files import SavedFeatures, open_features
+from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import IMAGE_SUFFIXES, read_grey
 from sips_lit.types import Features, GreyImage, Keypoints, Norm
 
 
-class PrecomputedDetector:
+class PrecomputedDetector(BaseDetector):
     """Saved features, looked up by what an image shows: detectors are given pixels, not names.
 
     All images below ``images`` that have features are read once, at the start. An image must be given as it is in its
-    file (grey, full size). Files without scores (LF-Net's) are in an order that says nothing: ``scored`` is false then,
+    file (grey, full size). Files without scores (LF-Net's) are in an order that says nothing: ``scores`` is none then,
     and only all points of an image can be had.
     """
 
@@ -51,7 +52,8 @@ class PrecomputedDetector:
             for key, image in zip(keys, names, strict=True):
                 self.image_of.setdefault(key, image)
         first = self.files.read(names[0])
-        self.scored, self.describes = first.score is not None, first.descriptors is not None
+        self.scores = "none" if first.score is None else "order"
+        self.describes = first.descriptors is not None
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points, best first; all of them in the order of the file where it has no scores.
@@ -80,7 +82,7 @@ class PrecomputedDetector:
         saved = self.files.read(name)
         if saved.size not in (None, (width, height)):
             raise BadInputError(f"the features of {name} are of an image of size {saved.size}, not {(width, height)}")
-        if (saved.score is not None, saved.descriptors is not None) != (self.scored, self.describes):
+        if (saved.score is not None, saved.descriptors is not None) != (self.scores == "order", self.describes):
             raise BadInputError(
                 f"the features of {name} have other parts than those of the first image: write them again"
             )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from sips_lit.baselines.corners import strongest_corners
-from sips_lit.baselines.points_only import PointsOnly
+from sips_lit.detect.base import BaseDetector
 from sips_lit.types import GreyImage, Keypoints
 
 
-class ShiTomasi(PointsOnly):
+class ShiTomasi(BaseDetector):
     """Corners by the smaller eigenvalue, no two nearer than ``min_distance`` px."""
 
     name = "Shi-Tomasi"

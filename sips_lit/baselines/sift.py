@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from sips_lit.baselines.cv_keypoints import attribute, positions
+from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
 
@@ -15,7 +16,7 @@ _SIZE_AT_FULL_RESOLUTION = 6.4
 """Diameter in pixels of the coarsest points of the octave at full resolution (2 x 1.6 x 2): their scale is 1."""
 
 
-class SiftDetector:
+class SiftDetector(BaseDetector):
     """OpenCV's SIFT, with its defaults but for two.
 
     ``contrast_threshold`` is 0.01 instead of 0.04, so that dull images give enough points; it drops the weakest only

@@ -11,6 +11,7 @@ from torch import Tensor
 from sips_lit.baselines.network_image import as_features, network_image
 from sips_lit.baselines.superpoint_network import CELL, SuperPointNetwork, is_rpautrat, to_our_names
 from sips_lit.baselines.weights import fill, read_weights
+from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.errors import BadInputError
 from sips_lit.types import Features, GreyImage, Keypoints
@@ -21,7 +22,7 @@ _WHERE = (
 )
 
 
-class SuperPoint:
+class SuperPoint(BaseDetector):
     """SuperPoint with greedy suppression (Chebyshev distance ``nms_radius``) and no points within ``border`` px.
 
     Points are whole pixels; the score is the probability of the pixel within its cell. ``threshold`` on it drops the

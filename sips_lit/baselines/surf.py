@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.describe.surf import DIMENSION, import_mahotas
+from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
 
@@ -20,7 +21,7 @@ _LOBE = 0.4  # scale of a lobe of one pixel: the filter is three lobes wide, and
 _SCALE_OF_ONE = 2.5  # what SURF gives a Gaussian blob whose scale is 1 for our SIFT
 
 
-class SurfDetector:
+class SurfDetector(BaseDetector):
     """mahotas' SURF with six filters an octave, on every pixel in the first octave.
 
     There are two octaves (blobs up to a sigma of about 12 px), as many as mahotas finds points of in a 640 x 480 image.

@@ -6,12 +6,13 @@ import torch
 
 from sips_lit.baselines.network_image import as_features, best_inside, network_image
 from sips_lit.baselines.weights import fill, import_kornia, packaged_weights, read_weights
+from sips_lit.detect.base import BaseDetector
 from sips_lit.types import Features, GreyImage, Keypoints
 
 _ALL = 2**31  # points: no limit
 
 
-class XFeat:
+class XFeat(BaseDetector):
     """Sparse XFeat with the network's own suppression (strict maxima in 5 x 5, above 0.05).
 
     The score is the keypoint's heat times its reliability. Images are padded to multiples of 32 instead of shrunk, as

@@ -8,7 +8,6 @@ import lightning as L
 import torch
 
 from sips_lit.callbacks.tensorboard import writer_of
-from sips_lit.evaluate.evaluation import add_to_calibration
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.metrics.calibration import Calibration
 from sips_lit.render.reliability import draw_reliability
@@ -39,7 +38,8 @@ class CalibrationValidation(L.Callback):
     ) -> None:
         """Adds the points of both images of a pair."""
         assert isinstance(outputs, VerifiedPair)
-        add_to_calibration(self.metric, outputs, max(len(outputs.features0), len(outputs.features1)))
+        scores, inlier = outputs.outcomes(max(len(outputs.features0), len(outputs.features1)))
+        self.metric.update(torch.from_numpy(scores), torch.from_numpy(inlier))
 
     def on_validation_epoch_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         """Logs the summary."""

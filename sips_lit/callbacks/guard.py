@@ -124,8 +124,8 @@ def _plain(batch: LabelledPair | None) -> dict[str, Any]:
         return {}
     plain: dict[str, Any] = {"name": batch.name, "image0": batch.image0.cpu(), "image1": batch.image1.cpu()}
     for side, points, labels in (("0", batch.points0, batch.labels0), ("1", batch.points1, batch.labels1)):
-        for name, array in {**asdict(points.keypoints), "row": points.row, "column": points.column}.items():
-            plain[f"{name}{side}"] = torch.from_numpy(array.copy())
-        for name, array in asdict(labels).items():
-            plain[f"{name}{side}"] = torch.from_numpy(array.copy())
+        arrays = {**asdict(points.keypoints), "row": points.row, "column": points.column, **asdict(labels)}
+        for name, array in arrays.items():
+            if array is not None:
+                plain[f"{name}{side}"] = torch.from_numpy(array.copy())
     return plain

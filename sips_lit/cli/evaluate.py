@@ -1,44 +1,24 @@
-"""sips-evaluate: one detector on one pair set."""
+"""sips-evaluate: one detector on one pair set, a benchmark of one method."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 from omegaconf import DictConfig
 
-from sips_lit.cli.app import build, run
-from sips_lit.evaluate.evaluation import evaluate
-from sips_lit.evaluate.pairs import draw_pairs
-from sips_lit.evaluate.pictures import write_match_pictures
-from sips_lit.evaluate.results import protocol_line, table, write_results
+from sips_lit.cli.app import run
+from sips_lit.cli.evaluation import best_auc, run_evaluation
+from sips_lit.cli.methods import configured_method
 
 
-def evaluate_one(config: DictConfig) -> float:
-    """Evaluates, prints the table, writes results and pictures. Returns the succinctness AUC."""
-    cv2.setNumThreads(-1)
-    detector, descriptor = build(config.detector), build(config.descriptor)
-    pairs = draw_pairs(
-        build(config.data),
-        build(config.inliers),
-        config.paths.indexes,
-        config.pairs,
-        config.overlap,
-        config.seed,
-        workers=config.workers,
-    )
-    evaluation = evaluate(detector, descriptor, pairs, config.k, config.n_max, config.search)
-    print(f"{table([evaluation])}\n\n{protocol_line(evaluation)}")
-    folder = Path(config.paths.run)
-    written = write_results(folder, {"result": evaluation})
-    written += write_match_pictures(folder / "pictures", "pair", evaluation, pairs, detector, descriptor, config.n)
-    print("\nwrote:\n" + "\n".join(f"  {path}" for path in written))
-    return evaluation.succinctness.auc
+def evaluate(config: DictConfig) -> float:
+    """Measures ``detector`` with ``descriptor``. Returns the succinctness AUC."""
+    return best_auc(run_evaluation(config, [configured_method(config)], {}, Path(config.paths.run)))
 
 
 def main() -> None:
     """Entry point."""
-    run("evaluate", evaluate_one)
+    run("evaluate", evaluate)
 
 
 if __name__ == "__main__":

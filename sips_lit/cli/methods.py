@@ -1,4 +1,4 @@
-"""The detectors of a benchmark, by name with overrides: each with its own descriptor and with the common one."""
+"""The methods of an evaluation: detectors by name with overrides, each with its own descriptor and with the common one."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import hydra
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 
-from sips_lit.cli.app import CONF_DIR, build, explain
+from sips_lit.cli.app import build, explain
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.method import Method, signature_of
 from sips_lit.files import safe_name
@@ -20,7 +23,10 @@ from sips_lit.types import Descriptor, Detector
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A detector as asked for: its name in conf/detector, what is set differently, and what it is called in files."""
+    """A detector as asked for: its name in the group ``detector``, and what is set differently.
+
+    With ``_target_`` among the overrides it needs no file in the group, and the name is what files and tables call it.
+    """
 
     detector: str
     overrides: Mapping[str, Any]
@@ -28,19 +34,23 @@ class Entry:
     @property
     def key(self) -> str:
         """Different for entries that differ."""
-        parts = [f"{key}_{Path(str(value)).name}" for key, value in self.overrides.items()]
-        return safe_name("_".join([self.detector, *parts]))
+        return safe_name("_".join([self.detector, *(f"{key}_{value}" for key, value in self._noted)]))
 
     @property
     def note(self) -> str:
         """What tells it from the same detector as configured; empty if nothing."""
-        parts = [f"{key} {Path(str(value)).name}" for key, value in self.overrides.items()]
+        parts = [f"{key} {value}" for key, value in self._noted]
         return f" ({', '.join(parts)})" if parts else ""
+
+    @property
+    def _noted(self) -> list[tuple[str, str]]:
+        return [(key, Path(str(value)).name) for key, value in self.overrides.items() if key != "_target_"]
 
 
 def known_detectors() -> list[str]:
-    """The names of conf/detector."""
-    return sorted(path.stem for path in (CONF_DIR / "detector").glob("*.yaml"))
+    """The names of the group ``detector``: the package's, and those that ``hydra.searchpath`` adds."""
+    options = GlobalHydra.instance().config_loader().get_group_options("detector", overrides=_searchpath())
+    return sorted(options)
 
 
 def parse_entries(detectors: Any) -> list[Entry]:
@@ -58,21 +68,21 @@ def parse_entries(detectors: Any) -> list[Entry]:
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice is not None:
         raise BadInputError(f"detectors has {twice} twice: leave one out")
-    for entry in entries:
-        _detector_node(entry)
     return entries
 
 
-def make_methods(config: DictConfig, entries: list[Entry], on_skip: Callable[[str, str], None]) -> list[Method]:
-    """Each detector with its own descriptor, if it has one, and with the common one, if there is one.
+def make_methods(config: DictConfig, on_skip: Callable[[str, str], None]) -> list[Method]:
+    """Each of ``detectors`` with its own descriptor, if it has one, and with the common one, if there is one.
 
-    A detector that can't be made (a missing package, weight or checkpoint) is told to ``on_skip`` with the reason.
+    A detector that can't be made (a missing package, weight or checkpoint) is told to ``on_skip`` with the reason. Raises
+    BadInputError as `parse_entries` does.
     """
+    entries = parse_entries(config.detectors)
+    nodes = [_detector_node(entry) for entry in entries]
     descriptor: Descriptor | None = build(config.descriptor)
-    plain_descriptor = OmegaConf.to_container(config.descriptor, resolve=True)
     methods = []
-    for entry in entries:
-        whole = _with_detector(config, entry)
+    for entry, node in zip(entries, nodes, strict=True):
+        whole = _with_detector(config, node)
         try:
             detector: Detector = build(whole.detector)
         except Exception as error:
@@ -83,16 +93,25 @@ def make_methods(config: DictConfig, entries: list[Entry], on_skip: Callable[[st
             continue
         if descriptor is None and not detector.describes:
             on_skip(entry.key, f"{detector.name} does not describe its points: give a common descriptor, as rootsift")
-        plain = OmegaConf.to_container(whole.detector, resolve=True)
-        name = detector.name + entry.note
-        if detector.describes:
-            signature = signature_of(detector, None, plain, None)
-            methods.append(Method(entry.key, name, detector, None, signature))
-        if descriptor is not None:
-            signature = signature_of(detector, descriptor, plain, plain_descriptor)
-            key = f"{entry.key}_{safe_name(descriptor.name).lower()}"
-            methods.append(Method(key, f"{name} + {descriptor.name}", detector, descriptor, signature))
+        own = [None] if detector.describes else []
+        common = [] if descriptor is None else [descriptor]
+        methods += [_method(entry.key, entry.note, detector, one, whole) for one in [*own, *common]]
     return methods
+
+
+def configured_method(config: DictConfig) -> Method:
+    """``detector`` with ``descriptor``. Raises BadInputError when neither describes the points."""
+    detector: Detector = build(config.detector)
+    return _method(safe_name(detector.name).lower(), "", detector, build(config.descriptor), config)
+
+
+def _method(key: str, note: str, detector: Detector, descriptor: Descriptor | None, config: DictConfig) -> Method:
+    plain, name = OmegaConf.to_container(config.detector, resolve=True), detector.name + note
+    if descriptor is None:
+        return Method(key, name, detector, None, signature_of(detector, None, plain, None))
+    signature = signature_of(detector, descriptor, plain, OmegaConf.to_container(config.descriptor, resolve=True))
+    key = f"{key}_{safe_name(descriptor.name).lower()}"
+    return Method(key, f"{name} + {descriptor.name}", detector, descriptor, signature)
 
 
 def _entry(item: Any, known: list[str]) -> Entry:
@@ -103,7 +122,7 @@ def _entry(item: Any, known: list[str]) -> Entry:
         raise BadInputError(
             f"detectors has the entry {item}: give a name, or a name with its keys: {{aliked: {{variant: n16}}}}"
         )
-    if item not in known:
+    if item not in known and "_target_" not in (overrides or {}):
         raise BadInputError(f"there is no detector {item}: choose from {', '.join(known)}")
     return Entry(item, overrides or {})
 
@@ -113,21 +132,32 @@ def _detector_node(entry: Entry) -> DictConfig:
 
     Any argument of its constructor may be set, whether or not the file names it.
     """
-    node = OmegaConf.load(CONF_DIR / "detector" / f"{entry.detector}.yaml")
-    assert isinstance(node, DictConfig)
+    if "_target_" in entry.overrides:
+        return OmegaConf.create(dict(entry.overrides))
+    overrides = [*_searchpath(), f"detector={entry.detector}"]
+    loader = GlobalHydra.instance().config_loader()
+    node = loader.load_configuration("evaluate", overrides, RunMode.RUN, from_shell=False).detector
     known = list(inspect.signature(hydra.utils.get_object(node["_target_"])).parameters)
     unknown = next((key for key in entry.overrides if key not in known), None)
     if unknown is not None:
         has = ", ".join(known) or "none"
         raise BadInputError(f"detectors sets {unknown} of {entry.detector}, which has no such key: it has {has}")
-    merged = OmegaConf.merge(node, dict(entry.overrides))
-    assert isinstance(merged, DictConfig)
-    return merged
+    with open_dict(node):
+        node.merge_with(dict(entry.overrides))
+    node._set_parent(None)
+    assert isinstance(node, DictConfig)
+    return node
 
 
-def _with_detector(config: DictConfig, entry: Entry) -> DictConfig:
-    """The benchmark's configuration with that of the detector in it, which may refer to it."""
+def _with_detector(config: DictConfig, node: DictConfig) -> DictConfig:
+    """The whole configuration with that of a detector in it, which may refer to it."""
     whole = config.copy()
     with open_dict(whole):
-        whole.detector = _detector_node(entry)
+        whole.detector = node
     return whole
+
+
+def _searchpath() -> list[str]:
+    """The override that adds the user's packages to Hydra's search path, as this run has it."""
+    paths = list(HydraConfig.get().searchpath) if HydraConfig.initialized() else []
+    return [f"hydra.searchpath={paths}"] if paths else []

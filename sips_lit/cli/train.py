@@ -13,7 +13,8 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
 from sips_lit.cli.app import build, run
-from sips_lit.cli.compare import compare
+from sips_lit.cli.evaluation import run_evaluation, told
+from sips_lit.cli.methods import make_methods
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
@@ -47,8 +48,17 @@ def train(config: DictConfig) -> float:
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
         if config.compare is not None:
-            compare(config.compare, best, Path(config.paths.run) / "compare")
+            compare(config, best)
     return auc
+
+
+def compare(config: DictConfig, checkpoint: Path) -> None:
+    """Evaluates the checkpoint beside other detectors, by ``compare``, which has the keys of sips-benchmark."""
+    evaluation = OmegaConf.create(OmegaConf.to_container(config.compare, resolve=True))
+    assert isinstance(evaluation, DictConfig)
+    evaluation.checkpoint, evaluation.paths = str(checkpoint), OmegaConf.to_container(config.paths, resolve=True)
+    skipped: dict[str, str] = {}
+    run_evaluation(evaluation, make_methods(evaluation, told(skipped)), skipped, Path(config.paths.run) / "compare")
 
 
 def log_settings(trainer: L.Trainer, config: DictConfig) -> None:

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 import torch
 from torch import Tensor
 
+from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey
-from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
+from sips_lit.types import FloatArray, GreyImage, Keypoints, ScoreKind
 
 # modes of PIL images whose bytes are indices of a palette, inks and the like
 PIL_NEITHER_GREY_NOR_RGB: Final = frozenset({"P", "PA", "LA", "CMYK", "YCbCr", "HSV"})
 
 
-class SipsDetector:
+class SipsDetector(BaseDetector):
     """Succinct interest points of an image.
 
     >>> detector = SipsDetector.from_checkpoint("outputs/.../checkpoints/best.ckpt")
@@ -30,8 +31,8 @@ class SipsDetector:
     ((50, 2), (50,))
     """
 
-    name: ClassVar[str] = "SIPs"
-    describes: ClassVar[bool] = False
+    name = "SIPs"
+    scores: ScoreKind = "probability"
 
     def __init__(self, network: ScoreNetwork, selector: PointSelector, device: str | torch.device = "cpu") -> None:
         self.device = torch.device(device)
@@ -61,10 +62,6 @@ class SipsDetector:
         if n < 0:
             raise BadInputError(f"n is {n}: ask for a number of points that is not negative")
         return self.selector.select(self.network, image_tensor(image, self.device), n).keypoints
-
-    def detect_and_describe(self, image: GreyImage, n: int) -> Features:
-        """Raises TypeError: the points have no descriptors of their own."""
-        raise TypeError("SIPs are points without descriptors: describe them with one of sips_lit.describe")
 
     @torch.no_grad()
     def score_map(self, image: GreyImage) -> FloatArray:

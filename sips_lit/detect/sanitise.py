@@ -43,13 +43,22 @@ class Defects:
         """The counts of both together."""
         return Defects(*(getattr(self, field.name) + getattr(other, field.name) for field in fields(self)))
 
+    def __str__(self) -> str:
+        """What was mended, in words; empty if nothing was."""
+        reasons = ("invalid", "outside", "duplicates", "surplus")
+        dropped = [f"{getattr(self, reason)} {reason}" for reason in reasons if getattr(self, reason)]
+        words = [f"dropped {', '.join(dropped)} of {self.returned} points"] if dropped else []
+        if self.unsorted:
+            words.append(f"sorted the points of {self.unsorted} of {self.images} images")
+        return "; ".join(words)
+
     @property
     def clean(self) -> bool:
         """Whether nothing had to be mended (having fewer points than asked is legal)."""
         return self.returned == self.kept and self.unsorted == 0
 
 
-def checked(points: Points, image_shape: tuple[int, ...], n: int) -> tuple[Points, Defects]:
+def sanitise(points: Points, image_shape: tuple[int, ...], n: int) -> tuple[Points, Defects]:
     """The at most ``n`` best legal points of an image of shape (H, W, …), sorted, and what was done to get there.
 
     The area of the pixels counts as inside: -0.5 <= x <= W - 0.5, and y alike. Order: score descending, ties by row,

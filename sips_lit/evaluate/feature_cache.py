@@ -5,49 +5,40 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sips_lit.detect.sanitise import Defects, checked
-from sips_lit.evaluate.features import extract
+from sips_lit.detect.sanitise import Defects
+from sips_lit.evaluate.features import ImageFeatures, extract
 from sips_lit.evaluate.method import Method
 from sips_lit.files import make_folder, write_whole
 from sips_lit.types import Features, GreyImage, Keypoints
 
 
-@dataclass(frozen=True, slots=True)
-class ImageFeatures:
-    """Legal features of an image, what was wrong with them before, and how long they took when they were computed.
-
-    ``milliseconds``: of ``detect``, and of ``describe`` unless the detector describes its points itself.
-    """
-
-    features: Features
-    defects: Defects
-    milliseconds: dict[str, float]
-
-
 class FeatureCache:
-    """Features of a method in ``folder``, one file an image, named by the image's content.
+    """Features of a method in ``folder``, one file per image, named by the image's content; without a folder none is kept.
 
     Another detector, descriptor, setting, weight, library version or ``n`` is another folder, so nothing stale is ever
     read. A file is written whole or not at all; a damaged one is computed again. Thread-safe where the detector is.
     """
 
-    def __init__(self, folder: str | Path, method: Method, n: int) -> None:
+    def __init__(self, folder: str | Path | None, method: Method, n: int) -> None:
         self.method, self.n = method, n
         text = json.dumps({**method.signature, "n": n}, sort_keys=True, default=str)
-        self.folder = Path(folder) / f"{method.key}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        self.folder = (
+            None if folder is None else Path(folder) / f"{method.key}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        )
         self._signature = text
         self._warm = False
 
     def __call__(self, key: str, image: Callable[[], GreyImage]) -> ImageFeatures:
         """Features of the image with content ``key`` (see `image_key`); ``image`` reads it, if that is necessary."""
+        if self.folder is None:
+            return self._compute(image())
         path = self.folder / f"{key}.npz"
         stored = _load(path)
         if stored is None:
@@ -61,26 +52,14 @@ class FeatureCache:
     def _compute(self, image: GreyImage) -> ImageFeatures:
         if not self._warm:  # the first call loads libraries and compiles: no time to report
             self._warm = True
-            _timed_extract(self.method, image, self.n)
-        return _timed_extract(self.method, image, self.n)
+            extract(self.method.detector, self.method.descriptor, image, self.n)
+        return extract(self.method.detector, self.method.descriptor, image, self.n)
 
 
 def image_key(image: GreyImage) -> str:
     """A hash of the content of an image (H, W)."""
     salt = "x".join(map(str, image.shape)).encode()[:16]
     return hashlib.blake2b(np.ascontiguousarray(image).data, digest_size=16, salt=salt).hexdigest()
-
-
-def _timed_extract(method: Method, image: GreyImage, n: int) -> ImageFeatures:
-    begin = time.perf_counter()
-    if method.descriptor is None:
-        own, defects = checked(extract(method.detector, None, image, n), image.shape, n)
-        return ImageFeatures(own, defects, {"detect": 1e3 * (time.perf_counter() - begin)})
-    keypoints, defects = checked(method.detector.detect(image, n), image.shape, n)
-    detected = time.perf_counter()
-    descriptors = method.descriptor.describe(image, keypoints)
-    milliseconds = {"detect": 1e3 * (detected - begin), "describe": 1e3 * (time.perf_counter() - detected)}
-    return ImageFeatures(Features(keypoints, descriptors, method.descriptor.norm), defects, milliseconds)
 
 
 def _as_bytes(entry: ImageFeatures) -> bytes:

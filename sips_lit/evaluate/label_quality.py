@@ -1,9 +1,9 @@
-"""How far one way of judging matches agrees with another: KLT labels, say, with true pose and depth."""
+"""Precision and recall of the inliers of one check, KLT say, against those of another, true pose and depth say."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -14,52 +14,48 @@ from sips_lit.types import Descriptor, Detector, FramePair, InlierCheck, Inliers
 
 @dataclass(frozen=True, slots=True)
 class LabelQuality:
-    """Matches that two checks both judge: inliers of ``both``, of the first ``only``, ``missed`` by it, of ``neither``.
+    """Counts of the matches that two checks both verify; the second one is taken as the truth.
 
-    ``unknown`` matches have no answer of one of the two and count for nothing. Agreements add.
+    ``unknown`` matches have no answer of one of the two and count for nothing. The sum of two is that of all their matches.
     """
 
-    both: int = 0
-    only: int = 0
-    missed: int = 0
-    neither: int = 0
+    true_positives: int = 0
+    false_positives: int = 0
+    false_negatives: int = 0
+    true_negatives: int = 0
     unknown: int = 0
 
     def __add__(self, other: LabelQuality) -> LabelQuality:
-        return LabelQuality(
-            self.both + other.both,
-            self.only + other.only,
-            self.missed + other.missed,
-            self.neither + other.neither,
-            self.unknown + other.unknown,
-        )
+        return LabelQuality(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
     @property
-    def judged(self) -> int:
-        """Matches that both judge."""
-        return self.both + self.only + self.missed + self.neither
+    def compared(self) -> int:
+        """Matches that both verify."""
+        return self.true_positives + self.false_positives + self.false_negatives + self.true_negatives
 
     @property
     def precision(self) -> float:
         """Fraction of the first one's inliers that are the second one's; NaN without any."""
-        return self.both / (self.both + self.only) if self.both + self.only else float("nan")
+        positives = self.true_positives + self.false_positives
+        return self.true_positives / positives if positives else float("nan")
 
     @property
     def recall(self) -> float:
         """Fraction of the second one's inliers that are the first one's; NaN without any."""
-        return self.both / (self.both + self.missed) if self.both + self.missed else float("nan")
+        inliers = self.true_positives + self.false_negatives
+        return self.true_positives / inliers if inliers else float("nan")
 
 
-def agreement(answer: Inliers, truth: Inliers) -> LabelQuality:
-    """Of the same M matches, judged twice."""
-    judged = (answer.reason != Reason.UNKNOWN) & (truth.reason != Reason.UNKNOWN)
-    first, second = answer.inlier[judged], truth.inlier[judged]
+def label_quality(answer: Inliers, truth: Inliers) -> LabelQuality:
+    """Of the same M matches, verified twice."""
+    compared = (answer.reason != Reason.UNKNOWN) & (truth.reason != Reason.UNKNOWN)
+    first, second = answer.inlier[compared], truth.inlier[compared]
     return LabelQuality(
-        both=int(np.sum(first & second)),
-        only=int(np.sum(first & ~second)),
-        missed=int(np.sum(~first & second)),
-        neither=int(np.sum(~first & ~second)),
-        unknown=int(np.sum(~judged)),
+        true_positives=int(np.sum(first & second)),
+        false_positives=int(np.sum(first & ~second)),
+        false_negatives=int(np.sum(~first & second)),
+        true_negatives=int(np.sum(~first & ~second)),
+        unknown=int(np.sum(~compared)),
     )
 
 
@@ -67,14 +63,14 @@ def pair_label_quality(
     pair: FramePair, detector: Detector, descriptor: Descriptor | None, check: InlierCheck, truth: InlierCheck, n: int
 ) -> LabelQuality:
     """Of the matches between the ``n`` best points of both images of a pair; raises as the checks do."""
-    features0, features1 = (extract(detector, descriptor, image, n) for image in (pair.image0, pair.image1))
+    features0, features1 = (extract(detector, descriptor, image, n).features for image in (pair.image0, pair.image1))
     matches = mutual_nearest(distances(features0, features1))
     args = pair, features0.keypoints, features1.keypoints, matches
-    return agreement(check(*args), truth(*args))
+    return label_quality(check(*args), truth(*args))
 
 
 def by_gap(
-    gaps: Iterable[int], agreements: Iterable[LabelQuality], borders: Sequence[int]
+    gaps: Iterable[int], qualities: Iterable[LabelQuality], borders: Sequence[int]
 ) -> list[tuple[str, int, LabelQuality]]:
     """Name, number of pairs and sum for each range of gaps (frames from one image to the other).
 
@@ -82,7 +78,7 @@ def by_gap(
     """
     sums = [LabelQuality() for _ in borders]
     pairs = [0] * len(borders)
-    for gap, one in zip(gaps, agreements, strict=True):
+    for gap, one in zip(gaps, qualities, strict=True):
         at = int(np.searchsorted(borders, gap, side="right")) - 1
         sums[at] += one
         pairs[at] += 1

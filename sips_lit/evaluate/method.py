@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
-from collections.abc import Mapping
+import inspect
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +19,6 @@ from sips_lit.types import Descriptor, Detector
 
 VERSION: Final = 1
 """Of the code that makes features: a higher one makes all stored features stale."""
-_EXTRAS: Final = ("kornia", "mahotas", "onnxruntime", "transformers", "scikit-image")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,19 +39,39 @@ def signature_of(
 
     The configurations are plain (mappings, lists, numbers, texts), with everything resolved.
     """
-    versions = {"torch": torch.__version__, "opencv": cv2.__version__, "numpy": np.__version__}
-    for name in _EXTRAS:
-        try:
-            versions[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
+    parts = [part for part in (detector, descriptor) if part is not None]
     return {
         "version": VERSION,
         "detector": _with_contents(detector_config),
         "descriptor": None if descriptor is None else _with_contents(descriptor_config),
         "weights": [weights_digest(part) for part in (detector, descriptor)],
-        "versions": versions,
+        "code": [code_of(part) for part in parts],
+        "versions": {"torch": torch.__version__, "opencv": cv2.__version__, "numpy": np.__version__},
     }
+
+
+def code_of(part: object) -> dict[str, str]:
+    """Versions of the distribution that an object's class comes from and of what that requires.
+
+    Of a class in no distribution (a module on the path, a script) a hash of its source file.
+    """
+    module = type(part).__module__
+    own = importlib.metadata.packages_distributions().get(module.partition(".")[0], [])
+    if not own:
+        source = inspect.getsourcefile(type(part))
+        return {module: "" if source is None else hashlib.sha256(Path(source).read_bytes()).hexdigest()[:32]}
+    return dict(sorted({found for name in own for found in _versions(name)}))
+
+
+def _versions(distribution: str) -> Iterator[tuple[str, str]]:
+    """Names and versions of a distribution and of its requirements, extras included, as far as they are installed."""
+    yield distribution, importlib.metadata.version(distribution)
+    for requirement in importlib.metadata.requires(distribution) or ():
+        name = re.split(r"[^\w.-]", requirement, maxsplit=1)[0]
+        try:
+            yield name, importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
 
 
 def weights_digest(part: object) -> str | None:

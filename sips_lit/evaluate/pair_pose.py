@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -46,18 +46,13 @@ class PairPose:
         """How far the pose of the matches is from the true one; infinitely without a pose of ``least`` inliers."""
         if self.estimator.usable(matches) < 4:
             return PoseErrors(math.inf, math.inf, PoseOutcome.FEW_MATCHES)
-        estimate = for_repeat(self.estimator, repeat).estimate(matches)
+        estimate = self.estimator.estimate(matches, repeat)
         if estimate.T_1_0 is None:
             return PoseErrors(math.inf, math.inf, PoseOutcome.NO_AGREEMENT)
         if estimate.inliers < least:
             return PoseErrors(math.inf, math.inf, PoseOutcome.FEW_INLIERS)
         errors = rotation_error(estimate.T_1_0, self.T_1_0), translation_error(estimate.T_1_0, self.T_1_0)
         return PoseErrors(*errors, PoseOutcome.FOUND)
-
-
-def for_repeat(prepared: PreparedStereoP3P, repeat: int) -> PreparedStereoP3P:
-    """The same, with the random samples of a repeat."""
-    return replace(prepared, check=prepared.check.with_seed(prepared.check.seed + repeat))
 
 
 def pair_pose(

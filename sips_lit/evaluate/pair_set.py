@@ -1,10 +1,10 @@
-"""The pairs of a benchmark: the same for all detectors, read once."""
+"""A pair set: the same pairs for all methods, read once."""
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from sips_lit.evaluate.feature_cache import image_key
 from sips_lit.evaluate.result import PairTable
 from sips_lit.frames.frame_cache import CachedSequence, FrameCache
 from sips_lit.frames.source import Source
-from sips_lit.geometry.point_depth import View, views
+from sips_lit.geometry.point_depth import View, frame_view, views
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.pairs.pair_file import ListedPair
 from sips_lit.pairs.sampler import read_pair
@@ -23,9 +23,9 @@ from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Mat
 
 
 class PairSet:
-    """The pairs of a pair set with the check of each; what is read stays in ``memory`` (of its own, if None is given).
+    """Pairs with the check of each, named ``key`` in files and ``title`` in tables; ``chosen`` says how they were chosen.
 
-    Raises BadInputError where there are no pairs.
+    What is read stays in ``cache`` (of its own, if None is given). Raises BadInputError where there are no pairs.
     """
 
     def __init__(
@@ -33,14 +33,18 @@ class PairSet:
         sources: Sequence[Source],
         listed: Sequence[ListedPair],
         default: InlierCheck,
-        memory: FrameCache | None = None,
+        cache: FrameCache | None = None,
+        key: str = "data",
+        title: str | None = None,
+        chosen: Mapping[str, Any] | None = None,
     ) -> None:
-        memory = memory or FrameCache()
+        cache = cache or FrameCache()
+        self.key, self.title, self.chosen = key, title or key, dict(chosen or {})
         if not listed:
             raise BadInputError("the pair set has no pairs: check its data and its kind of pairs")
         self.listed = list(listed)
         self.left_out: list[str] = []
-        self.sequences = [CachedSequence(s, memory) for source in sources for s in source.sequences]
+        self.sequences = [CachedSequence(s, cache) for source in sources for s in source.sequences]
         self._checks = [source.inliers or default for source in sources for _ in source.sequences]
         self._keys: dict[tuple[int, int], str] = {}
         self._sizes: set[tuple[int, ...]] = set()
@@ -58,12 +62,20 @@ class PairSet:
         sequence = self.sequences[pair.sequence]
         return read_pair(sequence, pair.index0, pair.index1, check.uses_frames, depth or check.uses_depth)
 
+    def check_of(self, frame: tuple[int, int]) -> InlierCheck:
+        """What verifies the pairs of a frame."""
+        return self._checks[frame[0]]
+
+    def view(self, frame: tuple[int, int]) -> View | None:
+        """A frame with what tells depth in it; None where its camera is not known."""
+        return frame_view(self.sequences[frame[0]], frame[1])
+
     def frames(self) -> list[tuple[int, int]]:
         """Each different frame: the position of its sequence, and its index."""
         ends = [(p.sequence, index) for p in self.listed for index in (p.index0, p.index1)]
         return sorted(set(ends))
 
-    def key(self, frame: tuple[int, int]) -> str:
+    def key_of(self, frame: tuple[int, int]) -> str:
         """A hash of the content of a frame."""
         if frame not in self._keys:
             image = self.sequences[frame[0]].frame(frame[1])
@@ -81,22 +93,22 @@ class PairSet:
         rotation, translation = np.array(motions, np.float64).reshape(-1, 2).T
         return PairTable(tuple(names), np.array([p.overlap for p in self.listed], np.float64), rotation, translation)
 
-    def judgeable(self) -> PairSet:
-        """The pairs without those whose depth or pose their check misses: they say nothing of any detector.
+    def verifiable(self) -> PairSet:
+        """The pairs without those whose depth or pose their check misses: they say nothing about any method.
 
         ``left_out`` names the others. Raises BadInputError where none is left.
         """
         bar = tqdm(range(len(self)), "depth", unit="pair", delay=2, leave=False)
         complaints = [self._complaint(at) for at in bar]
         if all(complaints):
-            raise BadInputError(f"no pair can be judged, as {complaints[0]}")
-        judgeable = copy.copy(self)
-        judgeable.listed = [pair for pair, why in zip(self.listed, complaints, strict=True) if why is None]
-        judgeable.left_out = [self._name(pair) for pair, why in zip(self.listed, complaints, strict=True) if why]
-        return judgeable
+            raise BadInputError(f"no pair can be verified, as {complaints[0]}")
+        verifiable = copy.copy(self)
+        verifiable.listed = [pair for pair, why in zip(self.listed, complaints, strict=True) if why is None]
+        verifiable.left_out = [self._name(pair) for pair, why in zip(self.listed, complaints, strict=True) if why]
+        return verifiable
 
     def _complaint(self, at: int) -> str | None:
-        """Why pair ``at`` can't be judged with the depth of its images; None if it can."""
+        """Why pair ``at`` can't be verified with the depth of its images; None if it can."""
         check = self.check(at)
         if not check.uses_depth:
             return None
@@ -105,7 +117,7 @@ class PairSet:
             check(pair, Keypoints.empty(), Keypoints.empty(), Matches(no_index, no_index))
         except BadInputError as error:
             return str(error)
-        if not any(map(_tells_depth, views(pair) or ())):
+        if not any(view.tells_depth for view in views(pair) or ()):
             return f"{pair.name} has depth maps without any depth in them: choose another source of inliers"
         return None
 
@@ -114,25 +126,19 @@ class PairSet:
 
     @property
     def protocol(self) -> dict[str, Any]:
-        """Which data, and how it is judged."""
+        """Which data, how its pairs were chosen, and how they are verified."""
         used = sorted({pair.sequence for pair in self.listed})
         checks = {id(self._checks[at]): dict(self._checks[at].protocol) for at in used}
         for frame in self.frames():
-            self.key(frame)
+            self.key_of(frame)
         return {
             "sequences": [self.sequences[at].name for at in used],
             "image_size": sorted("{1}x{0}".format(*shape) for shape in self._sizes),
             "pairs": len(self.listed),
+            **self.chosen,
             "verification": list(checks.values()),
             **({"left_out": self.left_out} if self.left_out else {}),
         }
-
-
-def _tells_depth(view: View) -> bool:
-    """Whether the depth of any point may be known: a map may hold nothing."""
-    if view.depth is not None:
-        return bool((np.isfinite(view.depth) & (view.depth > 0)).any())
-    return view.has_depth
 
 
 def _motion(sequence: ImageSequence, index0: int, index1: int) -> tuple[float, float]:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.geometry.projection import sample_depth
-from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.types import Camera, FloatArray, FramePair, GreyImage
+from sips_lit.types import Camera, DisparityMatcher, FloatArray, FramePair, GreyImage, ImageSequence, Keypoints
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +26,7 @@ class View:
         """Whether anything tells depth."""
         return self.depth is not None or (self.right is not None and bool(self.baseline))
 
-    def depth_at(self, xy: FloatArray, stereo: StereoMatcher) -> NDArray[np.float64]:
+    def depth_at(self, xy: FloatArray, stereo: DisparityMatcher) -> NDArray[np.float64]:
         """Depth along the optical axis (N,) in metres of N points (N, 2); NaN where it is not known."""
         if self.depth is not None:
             return sample_depth(self.depth, xy)
@@ -35,6 +34,17 @@ class View:
             return np.full(len(xy), np.nan)
         disparity = stereo.disparity(self.image, self.right, xy, to_the_right=self.baseline > 0)
         return abs(self.baseline) * float(self.camera.matrix[0, 0]) / disparity
+
+    def depth_of(self, keypoints: Keypoints, stereo: DisparityMatcher) -> NDArray[np.float64]:
+        """The depth (N,) that keypoints of this image bring, or else what the view tells."""
+        return self.depth_at(keypoints.xy, stereo) if keypoints.depth is None else keypoints.depth
+
+    @property
+    def tells_depth(self) -> bool:
+        """Whether the depth of any point may be known: a map may hold nothing."""
+        if self.depth is not None:
+            return bool((np.isfinite(self.depth) & (self.depth > 0)).any())
+        return self.has_depth
 
 
 def views(pair: FramePair) -> tuple[View, View] | None:
@@ -47,3 +57,16 @@ def views(pair: FramePair) -> tuple[View, View] | None:
         View(pair.frames[0], g.camera0, g.depth0, g.right0, g.baseline),
         View(pair.frames[-1], g.camera1, g.depth1, g.right1, g.baseline),
     )
+
+
+def frame_view(sequence: ImageSequence, index: int) -> View | None:
+    """Frame ``index`` of a sequence with what tells depth in it: its depth map, else its stereo partner.
+
+    None where its camera is not known. Raises BadInputError when the frame or its depth cannot be read.
+    """
+    camera = sequence.camera(index)
+    if camera is None:
+        return None
+    depth = sequence.depth(index)
+    right = sequence.right(index) if depth is None else None
+    return View(sequence.frame(index), camera, depth, right, sequence.baseline() if right is not None else None)

@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
 from sips_lit.files import make_folder
 from sips_lit.render.canvas import Picture, draw_point, probability_colours
@@ -67,9 +66,10 @@ def draw_scores(image: GreyImage, detector: Detector, n: int) -> Picture:
     """
     keypoints = detector.detect(image, n)
     left = draw_points(image, keypoints)
-    if not isinstance(detector, SipsDetector):
+    scores = detector.score_map(image)
+    if scores is None:
         return left
-    return np.concatenate([left, _on_scores(probability_colours(detector.score_map(image)), keypoints)], axis=1)
+    return np.concatenate([left, _on_scores(probability_colours(scores), keypoints)], axis=1)
 
 
 def _on_scores(picture: Picture, keypoints: Keypoints) -> Picture:

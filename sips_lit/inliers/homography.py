@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.homography import apply_homography
+from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.types import FramePair, Inliers, Keypoints, Matches, Reason
 
 
 @dataclass(frozen=True, slots=True)
-class HomographyInliers:
+class HomographyInliers(IndependentCheck):
     """A match is an inlier if its points agree within ``threshold`` pixels when mapped either way.
 
     The threshold grows with the scale of the point that is compared against, as localisation does.
     """
 
     threshold: float = 3.0
-    independent: ClassVar[bool] = True
-    uses_frames: ClassVar[bool] = False
-    uses_depth: ClassVar[bool] = False
 
     @property
     def protocol(self) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""Inliers by KLT: the match agrees with tracks through all intermediate frames, both ways (paper, label generation)."""
+"""Inliers by KLT: the match agrees with forward and backward tracks through all intermediate frames (paper, labels)."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import FramePair, Inliers, Keypoints, Matches, Reason
 
 
 @dataclass(frozen=True, slots=True)
-class KltInliers:
+class KltInliers(IndependentCheck):
     """A match (i, j) is an inlier if the track of i ends within ``threshold`` pixels of j, and that of j near i."""
 
     tracker: KltTracker = field(default_factory=KltTracker)
     threshold: float = 3.0
-    independent: ClassVar[bool] = True
     uses_frames: ClassVar[bool] = True
-    uses_depth: ClassVar[bool] = False
 
     @property
     def protocol(self) -> Mapping[str, Any]:
@@ -30,9 +29,9 @@ class KltInliers:
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Every point is known to KLT: what can't be tracked is an outlier."""
         reason = self._one_way(pair.frames, keypoints0, keypoints1, matches)
-        forth = np.flatnonzero(reason == Reason.INLIER)  # the way back can only take inliers away
-        turned = Matches(matches.index1[forth], matches.index0[forth])
-        reason[forth] = self._one_way(pair.frames[::-1], keypoints1, keypoints0, turned)
+        forward = np.flatnonzero(reason == Reason.INLIER)  # tracking backward can only take inliers away
+        turned = Matches(matches.index1[forward], matches.index0[forward])
+        reason[forward] = self._one_way(pair.frames[::-1], keypoints1, keypoints0, turned)
         everything = (np.ones(len(keypoints0), np.bool_), np.ones(len(keypoints1), np.bool_))
         return Inliers(reason == Reason.INLIER, reason, *everything)
 

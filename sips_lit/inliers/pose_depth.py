@@ -14,7 +14,7 @@ from sips_lit.geometry.point_depth import View, views
 from sips_lit.geometry.projection import sample_depth, transfer
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.symmetric import symmetric
-from sips_lit.types import FloatArray, FramePair, Inliers, Keypoints, Matches, Reason
+from sips_lit.types import DisparityMatcher, FloatArray, FramePair, Inliers, Keypoints, Matches, Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class PoseDepthInliers:
 
     threshold: float = 3.0
     occlusion: float = 0.05
-    stereo: StereoMatcher = field(default_factory=StereoMatcher)
+    stereo: DisparityMatcher = field(default_factory=StereoMatcher)
     independent: ClassVar[bool] = True
     uses_frames: ClassVar[bool] = False
     uses_depth: ClassVar[bool] = True
@@ -51,11 +51,8 @@ class PoseDepthInliers:
             raise BadInputError(
                 f"{pair.name} has no pose, camera and depth: choose another source of inliers, such as inliers=klt"
             )
-        own = [
-            view.depth_at(keypoints.xy, self.stereo)
-            for view, keypoints in zip(both, (keypoints0, keypoints1), strict=True)
-        ]
-        return PreparedPoseDepth(self, both, T_1_0, (keypoints0.xy, keypoints1.xy), (own[0], own[1]))
+        own0, own1 = both[0].depth_of(keypoints0, self.stereo), both[1].depth_of(keypoints1, self.stereo)
+        return PreparedPoseDepth(self, both, T_1_0, (keypoints0.xy, keypoints1.xy), (own0, own1))
 
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Raises BadInputError for a pair without pose, camera and depth."""
@@ -72,13 +69,13 @@ class PreparedPoseDepth:
     xy: tuple[NDArray[np.float32], NDArray[np.float32]]
     own: tuple[NDArray[np.float64], NDArray[np.float64]]
 
-    def __call__(self, matches: Matches) -> Inliers:
-        """Judges M matches."""
+    def __call__(self, matches: Matches, repeat: int = 0) -> Inliers:
+        """Verifies M matches."""
         points = self.xy[0][matches.index0], self.xy[1][matches.index1]
         own = self.own[0][matches.index0], self.own[1][matches.index1]
-        forth = self._one_way(points[0], own[0], points[1], *self.views, self.T_1_0)
-        back = self._one_way(points[1], own[1], points[0], *self.views[::-1], np.linalg.inv(self.T_1_0))
-        return symmetric(forth, back, matches, np.isfinite(self.own[0]), np.isfinite(self.own[1]))
+        forward = self._one_way(points[0], own[0], points[1], *self.views, self.T_1_0)
+        backward = self._one_way(points[1], own[1], points[0], *self.views[::-1], np.linalg.inv(self.T_1_0))
+        return symmetric(forward, backward, matches, np.isfinite(self.own[0]), np.isfinite(self.own[1]))
 
     def _one_way(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,12 +16,12 @@ from sips_lit.geometry.pose import PoseEstimate
 from sips_lit.geometry.projection import back_project
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.symmetric import symmetric
-from sips_lit.types import Camera, FramePair, Inliers, Keypoints, Matches, Reason
+from sips_lit.types import Camera, DisparityMatcher, FramePair, Inliers, Keypoints, Matches, Reason
 
 
 @dataclass(frozen=True, slots=True)
 class StereoP3PInliers:
-    """A match is an inlier if it is in the largest inlier set of a pose, both ways.
+    """A match is an inlier if it is in the largest inlier set of a pose in both directions.
 
     The points of image 0 with a depth (map or stereo partner) are points in space: P3P in image 1, exactly ``iterations``
     samples, inliers within ``threshold`` pixels. Then the same from image 1 to image 0. Where only one point of a match has
@@ -32,7 +32,7 @@ class StereoP3PInliers:
     threshold: float = 3.0
     iterations: int = 3000
     seed: int = 0
-    stereo: StereoMatcher = field(default_factory=StereoMatcher)
+    stereo: DisparityMatcher = field(default_factory=StereoMatcher)
     independent: ClassVar[bool] = False
     uses_frames: ClassVar[bool] = False
     uses_depth: ClassVar[bool] = True
@@ -48,10 +48,6 @@ class StereoP3PInliers:
             "stereo": dict(self.stereo.parameters),
         }
 
-    def with_seed(self, seed: int) -> StereoP3PInliers:
-        """The same check with other random samples."""
-        return replace(self, seed=seed)
-
     def prepare(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints) -> PreparedStereoP3P:
         """Depth of all points. Raises BadInputError for a pair without a camera or without any depth."""
         both = views(pair)
@@ -61,7 +57,7 @@ class StereoP3PInliers:
                 "inliers=stereo_p3p needs: use data that has them (kitti, euroc, rgbd, posed_depth) or choose inliers=klt"
             )
         points = [
-            back_project(keypoints.xy, view.depth_at(keypoints.xy, self.stereo), view.camera)
+            back_project(keypoints.xy, view.depth_of(keypoints, self.stereo), view.camera)
             for view, keypoints in zip(both, (keypoints0, keypoints1), strict=True)
         ]
         sides = (
@@ -92,46 +88,52 @@ class _Side:
 
 @dataclass(frozen=True, slots=True)
 class PreparedStereoP3P:
-    """The check for one pair and its points, whose depths are known: judges any matches between them."""
+    """The check for one pair and its points, whose depths are known: verifies any matches between them."""
 
     check: StereoP3PInliers
     indices: tuple[int, int]
     side0: _Side
     side1: _Side
 
-    def __call__(self, matches: Matches) -> Inliers:
-        """Judges M matches."""
-        forth = self._one_way(self.side0, self.side1, matches.index0, matches.index1, 0)
-        back = self._one_way(self.side1, self.side0, matches.index1, matches.index0, 1)
-        ways = (
-            _reasons(forth, self.side0.known[matches.index0]),
-            _reasons(back, self.side1.known[matches.index1]),
+    def __call__(self, matches: Matches, repeat: int = 0) -> Inliers:
+        """Verifies M matches, with other random samples for each ``repeat``."""
+        forward = self._one_way(self.side0, self.side1, matches.index0, matches.index1, 0, repeat)
+        backward = self._one_way(self.side1, self.side0, matches.index1, matches.index0, 1, repeat)
+        reasons = (
+            _reasons(forward, self.side0.known[matches.index0]),
+            _reasons(backward, self.side1.known[matches.index1]),
         )
-        return symmetric(*ways, matches, self.side0.known, self.side1.known)
+        return symmetric(*reasons, matches, self.side0.known, self.side1.known)
 
     def usable(self, matches: Matches) -> int:
         """How many of the M matches have the depth that `estimate` needs."""
         known = self.side0.known[matches.index0] if self.side0.has_depth else self.side1.known[matches.index1]
         return int(known.sum())
 
-    def estimate(self, matches: Matches) -> PoseEstimate:
-        """The pose and which of the M matches agree with it.
+    def estimate(self, matches: Matches, repeat: int = 0) -> PoseEstimate:
+        """The pose and which of the M matches agree with it, with other random samples for each ``repeat``.
 
         As in the paper one way: with 3-D points of image 0 if it has depth, else of image 1 (the pose is then inverted).
         """
         if self.side0.has_depth:
-            return self._one_way(self.side0, self.side1, matches.index0, matches.index1, 0)
-        back = self._one_way(self.side1, self.side0, matches.index1, matches.index0, 1)
-        T_1_0 = None if back.T_1_0 is None else np.linalg.inv(back.T_1_0).astype(np.float64)
-        return PoseEstimate(T_1_0, back.inlier)
+            return self._one_way(self.side0, self.side1, matches.index0, matches.index1, 0, repeat)
+        backward = self._one_way(self.side1, self.side0, matches.index1, matches.index0, 1, repeat)
+        T_1_0 = None if backward.T_1_0 is None else np.linalg.inv(backward.T_1_0).astype(np.float64)
+        return PoseEstimate(T_1_0, backward.inlier)
 
     def _one_way(
-        self, start: _Side, goal: _Side, index_start: NDArray[np.int64], index_goal: NDArray[np.int64], way: int
+        self,
+        start: _Side,
+        goal: _Side,
+        index_start: NDArray[np.int64],
+        index_goal: NDArray[np.int64],
+        way: int,
+        repeat: int,
     ) -> PoseEstimate:
         """Pose of the goal's camera in the frame of the start; a match without depth is no inlier."""
         has_depth = np.flatnonzero(start.known[index_start])
         # a number that is never 0 comes last: numpy ignores trailing zeros of a seed
-        generator = np.random.default_rng([self.check.seed, *self.indices, len(index_start), way + 1])
+        generator = np.random.default_rng([self.check.seed + repeat, *self.indices, len(index_start), way + 1])
         estimate = p3p_ransac(
             start.points[index_start[has_depth]],
             goal.xy[index_goal[has_depth]],

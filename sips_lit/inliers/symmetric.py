@@ -1,4 +1,4 @@
-"""From judgements of matches by the points of each image to one answer."""
+"""One answer for each match from one per direction."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from sips_lit.types import Inliers, Matches, Reason
 
 
 def symmetric(
-    forth: NDArray[np.uint8],
-    back: NDArray[np.uint8],
+    forward: NDArray[np.uint8],
+    backward: NDArray[np.uint8],
     matches: Matches,
     known0: NDArray[np.bool_],
     known1: NDArray[np.bool_],
 ) -> Inliers:
-    """A match is an inlier if both ways say so; where one does not know (`Reason`) the other decides alone.
+    """A match is an inlier if both directions say so; where one does not know (`Reason`) the other decides alone.
 
-    ``forth`` and ``back`` (M,) judge the matches from image 0 to 1 and from image 1 to 0; ``known0`` (N0,) and ``known1``
-    (N1,) tell which points have a depth of their own. A point without one is known through a match that is.
+    ``forward`` and ``backward`` (M,) are the reasons from image 0 to 1 and from image 1 to 0; ``known0`` (N0,) and
+    ``known1`` (N1,) tell which points have a depth of their own. A point without one is known through a match that is.
     """
-    reason = np.where(forth == Reason.UNKNOWN, back, forth)
-    agreed = (forth == Reason.INLIER) & (back != Reason.UNKNOWN)
-    reason[agreed] = back[agreed]
+    reason = np.where(forward == Reason.UNKNOWN, backward, forward)
+    agreed = (forward == Reason.INLIER) & (backward != Reason.UNKNOWN)
+    reason[agreed] = backward[agreed]
     decided = reason != Reason.UNKNOWN
     known0, known1 = known0.copy(), known1.copy()
     known0[matches.index0[decided]] = True

@@ -1,66 +1,89 @@
-"""The verified matches of a pair at every budget of points."""
+"""The verified matches of a pair at every budget of points: what validation, evaluation and pictures start from."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal, get_args
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sips_lit.errors import BadInputError
-from sips_lit.inliers.verifier import ExactVerifier, SearchVerifier, Verifier
-from sips_lit.match.mutual_nearest import distances, mutual_nearest_lifetimes
-from sips_lit.types import Features, FramePair, InlierCheck, Inliers, Keypoints, Matches, PreparableCheck, PreparedCheck
+from sips_lit.inliers.point_labels import point_labels
+from sips_lit.inliers.verifier import ExactVerifier, SearchVerifier, VerifiedMatches, Verifier
+from sips_lit.match.mutual_nearest import MutualLifetimes, distances, mutual_nearest_lifetimes
+from sips_lit.types import Features, FramePair, InlierCheck
 
 Search = Literal["auto", "exact", "binary"]
 
 
 @dataclass(frozen=True, slots=True)
 class VerifiedPair:
-    """A pair with its features, and what judges the matches between the best of them."""
+    """A pair with its features, and the verifier of the matches between the best of them."""
 
     pair: FramePair
     features0: Features
     features1: Features
-    judge: Verifier
+    verifier: Verifier
 
-    def at(self, n: int) -> tuple[Matches, Inliers]:
+    def at(self, n: int, repeat: int = 0) -> VerifiedMatches:
         """The matches between the ``n`` best points of both images, and which are inliers."""
-        verified = self.judge.at(n, 0)
-        return verified.matches, verified.inliers
+        return self.verifier.at(n, repeat)
 
-    def points_needed(self, k: int, n_max: int) -> int | None:
-        """n_k: the fewest points with ``k`` inliers, None if ``n_max`` are too few."""
-        return self.judge.needed(k, n_max, 0)
+    def points_needed(self, k: int, n_max: int, repeat: int = 0, ordered: bool = True) -> int | None:
+        """n_k: the fewest points with ``k`` inliers, None if ``n_max`` are too few.
+
+        Points that are not ``ordered`` count all together: n_k is their number if all of them give k inliers.
+        """
+        if ordered:
+            return self.verifier.needed(k, n_max, repeat)
+        points = max(len(self.features0), len(self.features1))
+        return points if self.at(points, repeat).inlier_count >= k else None
+
+    def outcomes(self, n: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Score and truth (inlier or not) of the ``n`` best points of both images, where the truth is known."""
+        matches, inliers = self.at(n)
+        sides = (
+            (self.features0.keypoints.score[:n], matches.index0, inliers.known0),
+            (self.features1.keypoints.score[:n], matches.index1, inliers.known1),
+        )
+        scores, truths = [], []
+        for score, point_of_match, known in sides:
+            labels = point_labels(inliers, point_of_match, known)
+            scores.append(score[labels.known])
+            truths.append(labels.inlier[labels.known])
+        return np.concatenate(scores), np.concatenate(truths)
 
 
 def verify(
-    pair: FramePair, features0: Features, features1: Features, check: InlierCheck, search: Search = "auto"
+    pair: FramePair,
+    features0: Features,
+    features1: Features,
+    check: InlierCheck,
+    search: Search = "auto",
+    repeats: int = 1,
+    seed: int = 0,
+    lifetimes: MutualLifetimes | None = None,
 ) -> VerifiedPair:
     """Matches of every budget with their verification.
 
     ``search``: exact, all budgets by one verification of all matches; binary, the paper's search by one verification of
-    each budget that is asked for; auto, exact where the check allows it. Raises BadInputError for exact with a check whose
-    answer for a match depends on the other matches.
+    each budget that is asked for; auto, exact where the check allows it. A check whose answer for a match depends on the
+    other matches is asked in ``repeats`` repeats, with the matches in orders drawn by ``seed``. ``lifetimes``: the matches,
+    if they are known. Raises BadInputError for exact with such a check, and for a pair that the check cannot verify.
     """
     if search not in get_args(Search):
         raise BadInputError(f"search is {search}: give {', '.join(get_args(Search))}")
     if search == "exact" and not check.independent:
         raise BadInputError(
-            f"inliers={check.protocol['inliers']} judges all matches of a budget together: use search=binary with it"
+            f"inliers={check.protocol['inliers']} verifies all matches of a budget together: use search=binary with it"
         )
-    lifetimes = mutual_nearest_lifetimes(distances(features0, features1))
-    points = features0.keypoints, features1.keypoints
-    judge: Verifier
+    if lifetimes is None:
+        lifetimes = mutual_nearest_lifetimes(distances(features0, features1))
+    prepared = check.prepare(pair, features0.keypoints, features1.keypoints)
+    verifier: Verifier
     if check.independent and search != "binary":
-        judge = ExactVerifier(lifetimes, check(pair, *points, lifetimes.matches), max(map(len, points)))
+        verifier = ExactVerifier(lifetimes, prepared(lifetimes.matches), max(len(features0), len(features1)))
     else:
-        answer = prepared(check, pair, *points)
-        judge = SearchVerifier(lifetimes, lambda matches, repeat: answer(matches), repeats=1)
-    return VerifiedPair(pair, features0, features1, judge)
-
-
-def prepared(check: InlierCheck, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints) -> PreparedCheck:
-    """The check of these points, for many sets of matches: what does not depend on the matches is done once if it can be."""
-    if isinstance(check, PreparableCheck):
-        return check.prepare(pair, keypoints0, keypoints1)
-    return partial(check, pair, keypoints0, keypoints1)
+        verifier = SearchVerifier(lifetimes, prepared, 1 if check.independent else repeats, seed)
+    return VerifiedPair(pair, features0, features1, verifier)

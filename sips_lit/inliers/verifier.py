@@ -1,40 +1,38 @@
 """Inliers at any budget of a pair: from one verification of all matches, or from one of each budget.
 
-The first is exact and for checks that judge a match whatever the other matches are (ground truth, KLT). The second is for
-those that judge all matches together, by random samples (P3P): each is asked several times, with other samples and the
+The first is exact and for checks that verify a match whatever the other matches are (ground truth, KLT). The second is for
+those that verify all matches together, by random samples (P3P): each is asked several times, with other samples and the
 matches in another order, and n_k is found by the paper's binary search.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sips_lit.inliers.budgets import binary_search, inliers_by_budget, points_needed
 from sips_lit.match.mutual_nearest import MutualLifetimes
-from sips_lit.metrics.succinctness import inliers_by_budget, points_needed
-from sips_lit.types import Inliers, Matches
+from sips_lit.types import Inliers, Matches, PreparedCheck
 
 
-@dataclass(frozen=True, slots=True)
-class VerifiedMatches:
+class VerifiedMatches(NamedTuple):
     """Matches at a budget, and which are inliers."""
 
     matches: Matches
     inliers: Inliers
 
     @property
-    def count(self) -> int:
+    def inlier_count(self) -> int:
         """Number of inliers."""
         return int(self.inliers.inlier.sum())
 
 
 class Verifier(Protocol):
-    """Judges the matches of a pair between the ``n`` best points of both images, in each of ``repeats`` repeats."""
+    """Verifies the matches between the ``n`` best points of both images of a pair, in each of ``repeats`` repeats."""
 
     @property
     def repeats(self) -> int:
@@ -48,11 +46,6 @@ class Verifier(Protocol):
     def needed(self, k: int, n_max: int, repeat: int) -> int | None:
         """n_k, or None if ``n_max`` points do not give ``k`` inliers."""
         ...
-
-
-def all_or_none(judge: Verifier, n: int, k: int, repeat: int) -> int | None:
-    """n_k of ``n`` points without an order: all of them, if these have ``k`` inliers."""
-    return n if judge.at(n, repeat).count >= k else None
 
 
 @dataclass(frozen=True)
@@ -77,19 +70,19 @@ class ExactVerifier:
         return VerifiedMatches(matches, Inliers(i.inlier[alive], i.reason[alive], i.known0[:n], i.known1[:n]))
 
     def needed(self, k: int, n_max: int, repeat: int) -> int | None:
-        """As `Verifier`; ``n_max`` at most that of the judge."""
+        """As `Verifier`; ``n_max`` at most that of the verifier."""
         return points_needed(self.counts[: n_max + 1], k)
 
 
 @dataclass(frozen=True)
 class SearchVerifier:
-    """A verification for each budget that is asked for: ``judge(matches, repeat)``, with other samples in each repeat.
+    """A verification for each budget that is asked for, by a ``check`` with other samples in each repeat.
 
-    Each repeat sees the matches in another order, too. An answer is remembered by its matches.
+    Each repeat sees the matches in another order, too. Answers are cached by their matches.
     """
 
     lifetimes: MutualLifetimes
-    judge: Callable[[Matches, int], Inliers]
+    check: PreparedCheck
     repeats: int
     seed: int = 0
     _known: dict[tuple[int, bytes, bytes], VerifiedMatches] = field(default_factory=dict)
@@ -101,22 +94,10 @@ class SearchVerifier:
         if key not in self._known:
             order = np.random.default_rng([self.seed, repeat, 1]).permutation(len(ordered))
             matches = Matches(ordered.index0[order], ordered.index1[order])
-            self._known[key] = VerifiedMatches(matches, self.judge(matches, repeat))
-        verified, i = self._known[key], self._known[key].inliers
-        return VerifiedMatches(verified.matches, Inliers(i.inlier, i.reason, i.known0[:n], i.known1[:n]))
+            self._known[key] = VerifiedMatches(matches, self.check(matches, repeat))
+        matches, i = self._known[key]
+        return VerifiedMatches(matches, Inliers(i.inlier, i.reason, i.known0[:n], i.known1[:n]))
 
     def needed(self, k: int, n_max: int, repeat: int) -> int | None:
-        """As `Verifier`, by the paper's binary search, with all the caveats of `binary_search`.
-
-        It halves 0 … n_max whatever k is, so that different k ask for the same budgets; below k none need be asked.
-        """
-        if self.at(n_max, repeat).count < k:
-            return None
-        low, high = 0, n_max  # high always has k inliers
-        while low < high:
-            middle = (low + high) // 2
-            if middle >= k and self.at(middle, repeat).count >= k:
-                high = middle
-            else:
-                low = middle + 1
-        return high
+        """As `Verifier`, by the paper's binary search, with all the caveats of `binary_search`."""
+        return binary_search(lambda n: self.at(n, repeat).inlier_count, k, n_max)

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.geometry.point_depth import View, views
 from sips_lit.geometry.projection import sample_depth, transfer
-from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.types import FloatArray, FramePair, Matches
+from sips_lit.types import DisparityMatcher, FloatArray, FramePair, Keypoints, Matches
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,22 +51,23 @@ class Repeated:
 
 
 def move_points(
-    pair: FramePair, xy0: FloatArray, xy1: FloatArray, stereo: StereoMatcher, occlusion: float = 0.05
+    pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, stereo: DisparityMatcher, occlusion: float = 0.05
 ) -> tuple[MovedPoints, MovedPoints] | None:
-    """Points (N0, 2) and (N1, 2) of a pair moved to the other image; None where neither homography nor depth is known.
+    """The points of a pair moved to the other image; None where neither homography nor depth is known.
 
-    Depth is that of the maps or, where there are none, by ``stereo``. With maps a point is hidden where the other's
-    surface is nearer by more than ``occlusion`` (relative). Where only one image has depth, the points of the other can't
-    be moved and all count as visible.
+    Depth is what the keypoints bring; else that of the maps or, without them, by ``stereo``. With maps a point is hidden
+    where the other's surface is nearer by more than ``occlusion`` (relative). Where only one image has depth, the points of
+    the other can't be moved and all count as visible.
     """
     if pair.homography is not None:
         H = pair.homography
-        return _by_homography(H, xy0, pair.image1.shape), _by_homography(np.linalg.inv(H), xy1, pair.image0.shape)
+        forward = _by_homography(H, keypoints0.xy, pair.image1.shape)
+        return forward, _by_homography(np.linalg.inv(H), keypoints1.xy, pair.image0.shape)
     both, T_1_0 = views(pair), None if pair.geometry is None else pair.geometry.T_1_0
     if both is None or T_1_0 is None or not (both[0].has_depth or both[1].has_depth):
         return None
-    forth = _by_depth(xy0, *both, T_1_0, stereo, occlusion)
-    return forth, _by_depth(xy1, *both[::-1], np.linalg.inv(T_1_0), stereo, occlusion)
+    forward = _by_depth(keypoints0, *both, T_1_0, stereo, occlusion)
+    return forward, _by_depth(keypoints1, *both[::-1], np.linalg.inv(T_1_0), stereo, occlusion)
 
 
 def repeated(
@@ -120,12 +120,18 @@ def _by_homography(H: FloatArray, xy: FloatArray, shape: tuple[int, ...]) -> Mov
 
 
 def _by_depth(
-    xy: FloatArray, here: View, there: View, T_there_here: FloatArray, stereo: StereoMatcher, occlusion: float
+    keypoints: Keypoints,
+    here: View,
+    there: View,
+    T_there_here: FloatArray,
+    stereo: DisparityMatcher,
+    occlusion: float,
 ) -> MovedPoints:
+    xy = keypoints.xy
     if not here.has_depth:
         everything = np.ones(len(xy), np.bool_)
         return MovedPoints(np.full((len(xy), 2), np.nan), everything, everything)
-    own = here.depth_at(xy, stereo)
+    own = here.depth_of(keypoints, stereo)
     moved, distance = transfer(xy, own, here.camera, there.camera, T_there_here)
     visible = _inside(moved, there.camera.size)
     if there.depth is not None:

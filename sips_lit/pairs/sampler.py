@@ -92,7 +92,7 @@ def _geometry(sequence: ImageSequence, index0: int, index1: int, depth: bool) ->
     if not depth:
         return ViewGeometry(T_1_0, camera0, camera1, None, None)
     depth0, depth1 = sequence.depth(index0), sequence.depth(index1)
-    if depth0 is not None or depth1 is not None:
-        return ViewGeometry(T_1_0, camera0, camera1, depth0, depth1)
-    right0, right1 = sequence.right(index0), sequence.right(index1)
-    return ViewGeometry(T_1_0, camera0, camera1, None, None, right0, right1, sequence.baseline())
+    right0 = sequence.right(index0) if depth0 is None else None
+    right1 = sequence.right(index1) if depth1 is None else None
+    baseline = sequence.baseline() if right0 is not None or right1 is not None else None
+    return ViewGeometry(T_1_0, camera0, camera1, depth0, depth1, right0, right1, baseline)

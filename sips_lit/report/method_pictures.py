@@ -1,29 +1,25 @@
-"""Match pictures of what a benchmark measured, from the features that it kept."""
+"""Match pictures of what was measured, from cached features."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from sips_lit.detect.detector import SipsDetector
 from sips_lit.evaluate.feature_cache import FeatureCache, image_key
-from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.method import Method
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.result import MethodResult
-from sips_lit.evaluate.runner import points_to_extract
 from sips_lit.report.pair_pictures import PairPicture, draw_pair_pictures
 from sips_lit.types import Features, FramePair, GreyImage, InlierCheck
 
 
-def draw_benchmark_pictures(
+def draw_method_pictures(
     results: Sequence[MethodResult],
     methods: Sequence[Method],
     pairs: PairSet,
     measures: Measures,
-    cache_folder: Path,
+    cache_folder: Path | None,
 ) -> Mapping[str, Sequence[PairPicture]]:
     """The best, the median and the worst pair of each method that was measured, by its key."""
     by_key = {method.key: method for method in methods}
@@ -31,10 +27,10 @@ def draw_benchmark_pictures(
 
 
 def _draw(
-    result: MethodResult, method: Method, pairs: PairSet, measures: Measures, cache_folder: Path
+    result: MethodResult, method: Method, pairs: PairSet, measures: Measures, cache_folder: Path | None
 ) -> Sequence[PairPicture]:
-    cache = FeatureCache(cache_folder, method, points_to_extract(method, measures))
     detector = method.detector
+    cache = FeatureCache(cache_folder, method, measures.points(detector.scores))
 
     def features_of(image: GreyImage) -> Features:
         return cache(image_key(image), lambda: image).features
@@ -42,9 +38,4 @@ def _draw(
     def pair_of(at: int) -> tuple[FramePair, InlierCheck]:
         return pairs.read(at, depth=False), pairs.check(at)
 
-    n = measures.budgets[0] if measures.budgets else measures.n_max
-    if not isinstance(detector, SipsDetector):
-        return draw_pair_pictures(result, pair_of, features_of, n)
-    return draw_pair_pictures(
-        result, pair_of, features_of, n, lambda image: detector.score_map(image).astype(np.float64)
-    )
+    return draw_pair_pictures(result, pair_of, features_of, measures.n, detector.score_map)

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sips_lit.evaluate.result import FloatArray, MethodResult
+from sips_lit.evaluate.result import MethodResult
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
 from sips_lit.render.canvas import Picture
 from sips_lit.render.matches import draw_matches
 from sips_lit.report.summary import main_k, median_needed
-from sips_lit.types import Features, FramePair, GreyImage, InlierCheck
+from sips_lit.types import Features, FloatArray, FramePair, GreyImage, InlierCheck
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ def draw_pair_pictures(
     pair_of: Callable[[int], tuple[FramePair, InlierCheck]],
     features_of: Callable[[GreyImage], Features],
     n: int = 50,
-    score_map: Callable[[GreyImage], FloatArray] | None = None,
+    score_map: Callable[[GreyImage], FloatArray | None] = lambda image: None,
 ) -> list[PairPicture]:
     """Draws the pairs that `choose_pairs` names with their ``n`` best points, and their score maps if there are any.
 
@@ -63,11 +63,11 @@ def draw_pair(
     check: InlierCheck,
     features_of: Callable[[GreyImage], Features],
     n: int,
-    score_map: Callable[[GreyImage], FloatArray] | None = None,
+    score_map: Callable[[GreyImage], FloatArray | None] = lambda image: None,
 ) -> Picture:
     """The matches between the ``n`` best features of both images, and how they fared."""
     features0, features1 = features_of(pair.image0).best(n), features_of(pair.image1).best(n)
     matches = mutual_nearest(distances(features0, features1))
     inliers = check(pair, features0.keypoints, features1.keypoints, matches)
-    maps = () if score_map is None else (score_map(pair.image0), score_map(pair.image1))
+    maps = score_map(pair.image0), score_map(pair.image1)
     return draw_matches(pair.image0, pair.image1, features0.keypoints, features1.keypoints, matches, inliers, *maps)

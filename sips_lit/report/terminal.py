@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from tabulate import tabulate
 
-from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.report.columns import OWN_N, columns_of, text_of
 from sips_lit.report.summary import summary

@@ -9,7 +9,7 @@ import numpy as np
 
 from sips_lit.inliers.point_labels import PointLabels, point_labels
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
-from sips_lit.types import Descriptor, Features, FramePair, InlierCheck, Inliers, Keypoints, Matches, PreparableCheck
+from sips_lit.types import Descriptor, Features, FramePair, InlierCheck, Inliers, Keypoints, Matches, PreparedCheck
 
 Map = Callable[..., Iterable[Any]]
 """The built-in `map`, or the one of an executor that runs the calls side by side."""
@@ -31,32 +31,23 @@ def label_pair(
         for keypoints, descriptors in zip((keypoints0, keypoints1), described, strict=True)
     )
     matches = mutual_nearest(distances(features0, features1))
-    inliers = _check_in_parts(pair, keypoints0, keypoints1, matches, check, parallel, parts)
+    inliers = _in_parts(check.prepare(pair, keypoints0, keypoints1), check.independent, matches, parallel, parts)
     return (
         point_labels(inliers, matches.index0, inliers.known0),
         point_labels(inliers, matches.index1, inliers.known1),
     )
 
 
-def _check_in_parts(
-    pair: FramePair,
-    keypoints0: Keypoints,
-    keypoints1: Keypoints,
-    matches: Matches,
-    check: InlierCheck,
-    parallel: Map,
-    parts: int,
-) -> Inliers:
-    # what a check prepares is its work: each part would do all of it
-    if parts == 1 or not check.independent or isinstance(check, PreparableCheck):
-        return check(pair, keypoints0, keypoints1, matches)
+def _in_parts(check: PreparedCheck, independent: bool, matches: Matches, parallel: Map, parts: int) -> Inliers:
+    if parts == 1 or not independent:
+        return check(matches)
     chunks = [
         Matches(index0, index1)
         for index0, index1 in zip(
             np.array_split(matches.index0, parts), np.array_split(matches.index1, parts), strict=True
         )
     ]
-    answers = list(parallel(lambda chunk: check(pair, keypoints0, keypoints1, chunk), chunks))
+    answers = list(parallel(check, chunks))
     return Inliers(
         np.concatenate([answer.inlier for answer in answers]),
         np.concatenate([answer.reason for answer in answers]),

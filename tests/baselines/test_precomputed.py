@@ -40,7 +40,7 @@ def test_npz_found_by_what_the_image_shows(images, features):
     for index, name in enumerate(names):
         np.savez(features / name, keypoints=XY + index, scores=SCORES, scales=SCORES + 1, descriptors=DESCRIPTORS)
     detector = PrecomputedDetector(features, images, "LIFT")
-    assert (detector.name, detector.scored, detector.describes) == ("LIFT", True, True)
+    assert (detector.name, detector.scores, detector.describes) == ("LIFT", "order", True)
     for index, name in enumerate(["a/1.png", "a/2.png", "b/1.png"]):
         found = detector.detect_and_describe(read_grey(images / name), 5)
         np.testing.assert_array_equal(found.keypoints.xy, XY[ORDER] + index)
@@ -69,7 +69,7 @@ def test_lf_net_has_no_scores(images, features):
     np.savez(features / "a" / "1.png.npz", kpts=XY, descs=DESCRIPTORS)
     detector = PrecomputedDetector(features, images)
     found = detector.detect_and_describe(read_grey(images / "a/1.png"), 9)
-    assert not detector.scored
+    assert detector.scores == "none"
     np.testing.assert_array_equal(found.keypoints.xy, XY)  # in their own order
     assert (np.diff(found.keypoints.score) < 0).all()
     np.testing.assert_array_equal(found.descriptors, DESCRIPTORS)

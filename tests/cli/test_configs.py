@@ -23,6 +23,9 @@ from textured_scenes import texture
 from tum_mono_files import write_sequence
 
 from sips_lit.cli.app import CONF_DIR, build, register_resolvers
+from sips_lit.cli.evaluation import CHOICE, MEASURED, PAIR_SET
+from sips_lit.cli.methods import make_methods
+from sips_lit.evaluate.measures import Measures
 from sips_lit.frames.source import as_sources
 
 GROUPS = {
@@ -55,9 +58,18 @@ def cases() -> list[tuple[str, str, str]]:
 
 def test_every_group_is_covered():
     groups = {path.name for path in CONF_DIR.iterdir() if path.is_dir()}
-    assert groups == {group for groups in GROUPS.values() for group in groups} | {"data", "experiment"}
+    assert groups == {group for groups in GROUPS.values() for group in groups} | {"data", "experiment", "evaluation"}
     commands = {path.stem for path in CONF_DIR.glob("*.yaml")}
     assert commands == {*GROUPS, "benchmark", "detect", "export"}
+
+
+def test_an_evaluation_has_the_keys_that_are_read_and_the_defaults_of_the_code():
+    stored = OmegaConf.load(CONF_DIR / "evaluation" / "default.yaml")
+    others = {"pair_sets", "features", "pictures", "video_frames", "workers"}
+    assert set(stored) == {*CHOICE, *MEASURED} | others
+    for name in set(MEASURED) - {"seed"}:
+        default = getattr(Measures(), name)
+        assert stored[name] == (list(default) if isinstance(default, tuple) else default), name
 
 
 @pytest.mark.parametrize(("command", "group", "name"), cases(), ids=lambda part: str(part))
@@ -166,13 +178,22 @@ def test_every_benchmark_composes(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", sorted(set(names("experiment")) - set(BENCHMARKS)))
-def test_every_experiment_composes(name, tmp_path):
+def test_every_experiment_composes(name, tmp_path, checkpoint):
     given = [f"data.sources.{part}.sequences.path=x" for part in MIXTURES["robotics"]] if name == "paper" else []
     config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}", *given)
     OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    for entry in (config.compare or {}).get("detectors", {}).values():
-        build(entry.detector)
-        build(entry.descriptor)
+    if config.compare is not None:
+        with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
+            config.compare.checkpoint = str(checkpoint)
+            skipped: dict[str, str] = {}
+            assert {method.key for method in make_methods(config.compare, skipped.__setitem__)} > {
+                "sips_rootsift",
+                "sift",
+            }
+            assert not skipped
+        for entry in config.compare.pair_sets.values():
+            build(entry.inliers)
+            assert set(entry) <= set(PAIR_SET)
 
 
 def test_every_target_is_ours_or_of_what_we_depend_on():

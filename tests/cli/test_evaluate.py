@@ -15,9 +15,16 @@ def evaluate(command, frames, folders):
 
     def run(*arguments: str, folder: str = "run"):
         data = "data=folder", f"data.path={frames}", f"hydra.run.dir={folders}/{folder}"
-        return command("evaluate", *data, "pairs=4", "k=8", "n_max=60", *arguments)
+        return command("evaluate", *data, "pairs=4", "k=8", "n_max=60", "ks=[]", "n=20", "calibration=[20]", *arguments)
 
     return run
+
+
+def stored(folder) -> dict:
+    """The one method of the one pair set in results.json."""
+    (pair_set,) = json.loads((folder / "results.json").read_text())["pair_sets"]
+    (method,) = pair_set["detectors"]
+    return method
 
 
 def test_a_checkpoint(evaluate, folders, checkpoint):
@@ -25,30 +32,34 @@ def test_a_checkpoint(evaluate, folders, checkpoint):
     assert result.code == 0, result.err
     assert "| detector" in result.out
     assert "SIPs + " in result.out
-    assert "k = 8, 4 pairs of overlap >= 0.5 (seed 0), exact search, inliers=klt" in result.out
+    assert "4 pairs (kind=random, overlap=0.5, seed=0)" in result.out
+    assert "inliers=klt" in result.out
     written = [line.strip() for line in result.out.split("wrote:\n")[1].splitlines()]
     run = folders / "run"
-    names = {"results.json", "curves.png", "result_pairs.csv", "result_reliability.png"}
-    names |= {f"pictures/pair_{which}.png" for which in ("best", "median", "worst")}
-    assert set(written) == {str(run / name) for name in names}
+    names = {"report.html", "results.json", "summary.csv", "data/sips_rootsift_pairs.csv", "data/sips_rootsift_all.csv"}
+    names |= {f"pictures/data/sips_rootsift_{which}.png" for which in ("best", "median", "worst")}
+    assert {str(run / name) for name in names if "/" not in name} <= set(written)
+    assert {f"{run}/data/ (2 files)", f"{run}/pictures/ (3 files)"} <= set(written)
     assert all((run / name).stat().st_size for name in names)
-    stored = json.loads((run / "results.json").read_text())["result"]
-    protocol = stored["protocol"]
+    found = stored(run)
+    protocol = found["protocol"]
     assert (protocol["k"], protocol["n_max"], protocol["seed"], protocol["pairs"]) == (8, 60, 0, 4)
+    assert protocol["search"] == "exact"
     assert protocol["verification"][0]["threshold"] == 3.0
     assert protocol["versions"]["torch"] == torch.__version__
     assert protocol["descriptor"]
-    assert stored["calibration"]["ece"] >= 0
-    with (run / "result_pairs.csv").open() as handle:
+    assert found["calibration"]["20"]["ece"] >= 0
+    with (run / "data" / "sips_rootsift_pairs.csv").open() as handle:
         assert len(list(csv.DictReader(handle))) == 4
 
 
 def test_the_same_result_twice(evaluate, folders, checkpoint):
     for folder in ("one", "two"):
-        assert evaluate(f"checkpoint={checkpoint}", folder=folder).code == 0
-    one, two = (folders / folder for folder in ("one", "two"))
-    assert (one / "results.json").read_text() == (two / "results.json").read_text()
-    assert (one / "result_pairs.csv").read_text() == (two / "result_pairs.csv").read_text()
+        assert evaluate(f"checkpoint={checkpoint}", f"features={folders}/{folder}_features", folder=folder).code == 0
+    one, two = (stored(folders / folder) for folder in ("one", "two"))
+    assert {**one, "milliseconds": 0} == {**two, "milliseconds": 0}
+    name = "data/sips_rootsift_all.csv"
+    assert (folders / "one" / name).read_text() == (folders / "two" / name).read_text()
 
 
 @pytest.mark.parametrize("detector", ["sift", "orb"])
@@ -56,10 +67,11 @@ def test_the_same_result_twice(evaluate, folders, checkpoint):
 def test_detectors_with_descriptors_of_their_own_or_a_common_one(evaluate, folders, detector, descriptor):
     result = evaluate(f"detector={detector}", f"descriptor={descriptor}")
     assert result.code == 0, result.err
-    stored = json.loads((folders / "run" / "results.json").read_text())["result"]
-    assert (stored["protocol"]["descriptor"] == "own") == (descriptor == "own")
-    assert stored["calibration"] is None
-    assert stored["succinctness"]["auc"] > 0
+    found = stored(folders / "run")
+    assert (found["protocol"]["descriptor"] == "own") == (descriptor == "own")
+    assert found["calibration"] == {}
+    assert all(n == "inf" or 8 <= n <= 60 for (needed,) in found["n_k"] for n in needed)
+    assert any(n != "inf" for (needed,) in found["n_k"] for n in needed)
 
 
 @pytest.mark.parametrize("detector", ["fast", "shi_tomasi", "harris", "random", "grid"])
@@ -83,8 +95,8 @@ def test_search_by_halving(evaluate, folders, checkpoint):
     for search, needed in (("exact", exact), ("binary", binary)):
         result = evaluate(f"checkpoint={checkpoint}", f"search={search}", folder=search)
         assert result.code == 0, result.err
-        with (folders / search / "result_pairs.csv").open() as handle:
-            needed |= {row["pair"]: int(row["n_k"]) for row in csv.DictReader(handle)}
+        with (folders / search / "data" / "sips_rootsift_pairs.csv").open() as handle:
+            needed |= {row["name"]: float(row["nmin"]) for row in csv.DictReader(handle)}
     assert exact.keys() == binary.keys()
     assert all(exact[pair] <= binary[pair] for pair in exact)
 

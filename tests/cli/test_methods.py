@@ -3,18 +3,20 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from sips_lit.cli.app import CONF_DIR
-from sips_lit.cli.methods import known_detectors, make_methods, parse_entries
+from sips_lit.cli.methods import configured_method, known_detectors, make_methods, parse_entries
 from sips_lit.errors import BadInputError
 
 
-def composed(*overrides: str):
+@pytest.fixture(autouse=True)
+def hydra():
+    """Names of detectors are those of Hydra's search path."""
     with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
-        return compose("benchmark", ["paths.run=x", *overrides])
+        yield
 
 
 def methods(*overrides: str):
-    config, skipped = composed(*overrides), {}
-    made = make_methods(config, parse_entries(config.detectors), skipped.__setitem__)
+    config, skipped = compose("benchmark", ["paths.run=x", *overrides]), {}
+    made = make_methods(config, skipped.__setitem__)
     return {method.key: method for method in made}, skipped
 
 
@@ -66,6 +68,25 @@ def test_all():
     assert {"sips", "sift", "orb", "random", "grid"} <= set(known_detectors())
 
 
+def test_a_class_of_ones_own():
+    target = "sips_lit.baselines.fast.Fast"
+    made, _ = methods(f"detectors=[fast,{{mine:{{_target_:{target},threshold:30}}}}]")
+    assert [m.name for m in made.values()] == ["FAST + RootSIFT", "FAST (threshold 30) + RootSIFT"]
+    assert list(made) == ["fast_rootsift", "mine_threshold_30_rootsift"]
+    assert made["mine_threshold_30_rootsift"].detector.threshold == 30
+
+
+@pytest.mark.parametrize(
+    ("detector", "key", "name"), [("sift", "sift", "SIFT"), ("fast", "fast_rootsift", "FAST + RootSIFT")]
+)
+def test_one_detector_with_one_descriptor(detector, key, name):
+    descriptor = "own" if detector == "sift" else "rootsift"
+    config = compose("evaluate", ["paths.run=x", f"detector={detector}", f"descriptor={descriptor}"])
+    method = configured_method(config)
+    assert (method.key, method.name) == (key, name)
+    assert (method.descriptor is None) == (descriptor == "own")
+
+
 @pytest.mark.parametrize(
     ("detectors", "words"),
     [
@@ -80,8 +101,10 @@ def test_all():
     ],
 )
 def test_what_is_refused_before_anything_runs(detectors, words):
+    config = compose("benchmark", ["paths.run=x"])
+    config.detectors = OmegaConf.create({"d": detectors}).d
     with pytest.raises(BadInputError, match=words):
-        parse_entries(OmegaConf.create({"d": detectors}).d)
+        make_methods(config, lambda key, reason: None)
 
 
 def test_one_name_is_a_list():

@@ -35,7 +35,7 @@ def test_what_is_stored_is_what_was_computed(tmp_path, detector, descriptor):
     who = Method("key", "Name", detector, descriptor, {})
     first = FeatureCache(tmp_path, who, 30)(KEY, lambda: IMAGE)
     stored = FeatureCache(tmp_path, who, 30)(KEY, never)
-    expected = extract(detector, descriptor, IMAGE, 30)
+    expected = extract(detector, descriptor, IMAGE, 30).features
     for one in (first.features, stored.features):
         np.testing.assert_array_equal(one.keypoints.xy, expected.keypoints.xy)
         np.testing.assert_array_equal(one.keypoints.score, expected.keypoints.score)

@@ -11,14 +11,13 @@ import pytest
 from oracle import Oracle
 from stereo_scenes import StereoScene
 from textured_scenes import texture
-from tiny_methods import method
+from tiny_methods import method, run_methods
 from wall_scene import Wall
 
 from sips_lit.datasets.virtual_flight import VirtualFlight
-from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.evaluate.pair_set import PairSet
-from sips_lit.evaluate.runner import run_methods
 from sips_lit.frames.source import Source
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.geometry.projection import sample_depth, transfer
@@ -28,7 +27,7 @@ from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.pairs.pair_file import ListedPair
 from sips_lit.report.summary import summary
 
-M = Measures(ks=(10, 12), n_max=40, budgets=(20,), repeats=2, calibration=(), iterations=300)
+M = Measures(k=10, ks=(12,), n_max=40, n=20, repeats=2, calibration=(), iterations=300)
 PAIRS = [ListedPair(0, 0, 1, 0.9), ListedPair(0, 0, 2, 0.8), ListedPair(0, 0, 3, 0.7)]
 
 

@@ -5,7 +5,7 @@ from stereo_scenes import StereoScene
 from sips_lit.baselines.fast import Fast
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
-from sips_lit.evaluate.label_quality import LabelQuality, agreement, by_gap, pair_label_quality
+from sips_lit.evaluate.label_quality import LabelQuality, by_gap, label_quality, pair_label_quality
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
@@ -22,24 +22,24 @@ def judged(*reasons: Reason) -> Inliers:
 
 
 def test_counts_by_hand():
-    found = agreement(judged(I, I, I, F, L, F, U, I), judged(I, I, F, I, F, L, I, U))
-    assert found == LabelQuality(both=2, only=1, missed=1, neither=2, unknown=2)
-    assert found.judged == 6
+    found = label_quality(judged(I, I, I, F, L, F, U, I), judged(I, I, F, I, F, L, I, U))
+    assert found == LabelQuality(true_positives=2, false_positives=1, false_negatives=1, true_negatives=2, unknown=2)
+    assert found.compared == 6
     assert found.precision == pytest.approx(2 / 3)
     assert found.recall == pytest.approx(2 / 3)
 
 
 def test_nothing_is_nan():
-    assert agreement(judged(), judged()) == LabelQuality()
-    assert np.isnan(LabelQuality(neither=3).precision)
-    assert np.isnan(LabelQuality(neither=3).recall)
-    assert LabelQuality(only=1).precision == 0
+    assert label_quality(judged(), judged()) == LabelQuality()
+    assert np.isnan(LabelQuality(true_negatives=3).precision)
+    assert np.isnan(LabelQuality(true_negatives=3).recall)
+    assert LabelQuality(false_positives=1).precision == 0
 
 
 def test_gaps_fall_into_ranges():
-    ones = [LabelQuality(both=10**i) for i in range(5)]
+    ones = [LabelQuality(true_positives=10**i) for i in range(5)]
     rows = by_gap([1, 2, 3, 9, 4], ones, [1, 2, 4])
-    assert [(name, pairs, found.both) for name, pairs, found in rows] == [
+    assert [(name, pairs, found.true_positives) for name, pairs, found in rows] == [
         ("1", 1, 1),
         ("2 to 3", 2, 110),
         ("4 or more", 2, 11000),
@@ -51,7 +51,7 @@ def test_klt_finds_what_is_true_in_a_made_scene(tells):
     scene = StereoScene(4, tells)
     args = read_pair(scene, 0, 3), ShiTomasi(), RootSift(), KltInliers()
     found = pair_label_quality(*args, PoseDepthInliers(), 200)
-    assert found.both > 40
+    assert found.true_positives > 40
     assert found.precision > 0.9
     assert found.recall > 0.8
 
@@ -75,6 +75,6 @@ def test_klt_labels_agree_with_geometry_on_photographs(shared_data, data, truth)
     args = Fast(), RootSift(), KltInliers(), truth, 300
     found = sum((pair_label_quality(read_pair(sequence, i, j), *args) for i, j in pairs), LabelQuality())
     print(data, truth.protocol["inliers"], found, found.precision, found.recall)
-    assert found.judged > 0.7 * (found.judged + found.unknown)
+    assert found.compared > 0.7 * (found.compared + found.unknown)
     assert found.precision > 0.9
     assert found.recall > 0.7

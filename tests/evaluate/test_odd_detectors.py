@@ -5,18 +5,17 @@ import math
 import cv2
 import numpy as np
 import pytest
-from tiny_methods import method
+from tiny_methods import method, run_methods
 from wall_scene import Wall
 
 from sips_lit.baselines.precomputed import PrecomputedDetector
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.result import PairSetResult
-from sips_lit.evaluate.runner import run_methods
 from sips_lit.frames.source import Source
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.pairs.pair_file import ListedPair
@@ -25,7 +24,7 @@ from sips_lit.report.summary import summary
 from sips_lit.report.terminal import table
 from sips_lit.types import Keypoints
 
-M = Measures(ks=(5, 8), n_max=40, budgets=(20,), repeats=2, calibration=(), iterations=100)
+M = Measures(k=8, ks=(5,), n_max=40, n=20, repeats=2, calibration=(), iterations=100)
 NAN = float("nan")
 
 
@@ -172,7 +171,7 @@ def saved(tmp_path):
 
 
 def test_points_without_scores_are_judged_at_their_own_number_only(saved, tmp_path):
-    m = Measures(ks=(5, 8), n_max=40, budgets=(10, 20, 30), calibration=(), iterations=100)
+    m = Measures(k=8, ks=(5,), n_max=40, n=10, budgets=(20, 30), calibration=(), iterations=100)
     lfnet, corners = run_methods(
         [method(saved, RootSift(), "lfnet"), method(ShiTomasi(), RootSift(), "corners")], pairs_of(), m, tmp_path
     )
@@ -190,7 +189,7 @@ def test_points_without_scores_are_judged_at_their_own_number_only(saved, tmp_pa
 
 def test_more_points_without_scores_than_can_be_asked_for(saved, tmp_path):
     told = {}
-    few = Measures(ks=(5,), n_max=10, budgets=(10,), calibration=())
+    few = Measures(k=5, ks=(), n_max=10, n=10, calibration=())
     run_methods([method(saved, RootSift(), "lfnet")], pairs_of(), few, tmp_path, on_skip=told.__setitem__)
     assert "20 points without scores, of which nobody knows the 10 best" in told["lfnet"]
 
@@ -199,16 +198,16 @@ def test_pairs_that_nobody_can_judge_are_left_out_and_named():
     wall = Wall(4)
     whole = wall.depth(0)
     wall.depth = lambda index: {0: whole, 2: None}.get(index, np.full_like(whole, NAN))
-    pairs = pairs_of(wall).judgeable()
+    pairs = pairs_of(wall).verifiable()
     assert len(pairs) == 1
     assert pairs.left_out == ["wall:1-3"]
     assert (pairs.protocol["pairs"], pairs.protocol["left_out"]) == (1, ["wall:1-3"])
-    assert "left_out" not in pairs_of().judgeable().protocol
+    assert "left_out" not in pairs_of().verifiable().protocol
 
 
 @pytest.mark.parametrize(
     ("wall", "words"), [(Wall(4, poses=False), "has no pose, camera and depth"), (Wall(4, depth=False), "has no pose")]
 )
 def test_no_pair_can_be_judged(wall, words):
-    with pytest.raises(BadInputError, match=f"no pair can be judged, as wall:0-2 {words}"):
-        pairs_of(wall).judgeable()
+    with pytest.raises(BadInputError, match=f"no pair can be verified, as wall:0-2 {words}"):
+        pairs_of(wall).verifiable()

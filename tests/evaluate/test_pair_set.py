@@ -41,7 +41,7 @@ def test_frames_and_their_keys():
     listed = [ListedPair(0, 4, 1, 1), ListedPair(0, 1, 2, 1)]
     pairs = PairSet([Source([wall])], listed, PoseDepthInliers())
     assert pairs.frames() == [(0, 1), (0, 2), (0, 4)]
-    assert pairs.key((0, 4)) == image_key(wall.frame(4))
+    assert pairs.key_of((0, 4)) == image_key(wall.frame(4))
     pair = pairs.read(0, depth=False)
     assert (pair.index0, pair.index1) == (4, 1)
     assert len(pair.frames) == 2  # nothing between: the check needs none
@@ -56,10 +56,10 @@ def test_sizes_of_the_frames_that_are_used():
     assert protocol["image_size"] == ["160x100", "160x110"]
 
 
-def test_pair_sets_share_a_memory():
-    wall, memory = Wall(6), FrameCache()
+def test_pair_sets_share_a_cache():
+    wall, cache = Wall(6), FrameCache()
     for _ in range(2):
-        PairSet([Source([wall])], [ListedPair(0, 0, 2, 1)], PoseDepthInliers(), memory).read(0, depth=False)
+        PairSet([Source([wall])], [ListedPair(0, 0, 2, 1)], PoseDepthInliers(), cache).read(0, depth=False)
     assert wall.reads == 2
 
 

@@ -1,39 +1,150 @@
 import math
+from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 import torch
-from tiny_methods import MEASURES, METHODS, method
+from textured_scenes import ArraySequence
+from tiny_methods import MEASURES, METHODS, method, run_methods
 from wall_scene import Wall
 
 from sips_lit.baselines.controls import RandomPoints
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.evaluation import evaluate
+from sips_lit.evaluate.features import extract
 from sips_lit.evaluate.pair_set import PairSet
-from sips_lit.evaluate.pairs import draw_pairs
-from sips_lit.evaluate.runner import run_methods
+from sips_lit.evaluate.runner import search_used, versions
 from sips_lit.frames.source import Source
+from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
+from sips_lit.inliers.stereo_p3p import StereoP3PInliers
+from sips_lit.match.mutual_nearest import distances, mutual_nearest
 from sips_lit.pairs.pair_file import ListedPair
 from sips_lit.report.summary import succinctness
 
 
-def test_the_same_numbers_as_an_evaluation(flights, measured_flights, benchmark_folder):
-    """The curve and the AUC are those of sips-evaluate on the same pairs."""
-    pairs = draw_pairs(flights[0], HomographyInliers(), benchmark_folder / "indexes", 6)
-    for who, result in zip(METHODS, measured_flights[1], strict=True):
-        expected = evaluate(who.detector, who.descriptor, pairs, k=8, n_max=60)
-        needed = [None if math.isinf(n) else int(n) for n in result.n_k[:, 0, 1]]
-        assert needed == [row.n_k for row in expected.rows]
-        ours = succinctness(result, 8)
-        np.testing.assert_array_equal(ours.curve, expected.succinctness.curve)
-        assert (ours.auc, ours.failures) == (expected.succinctness.auc, expected.succinctness.failures)
-        assert list(result.pairs.name) == [row.pair for row in expected.rows]
-        if expected.calibration is None:
-            assert not result.calibration
+def cropped_inliers(pair, check, method, n_max):
+    """Inliers of the n best points for n = 0 ... n_max, matched and verified anew each time: the definition."""
+    features = [extract(method.detector, method.descriptor, i, n_max).features for i in (pair.image0, pair.image1)]
+    counts = []
+    for n in range(n_max + 1):
+        best = [f.best(n) for f in features]
+        matches = mutual_nearest(distances(*best))
+        counts.append(int(check(pair, best[0].keypoints, best[1].keypoints, matches).inlier.sum()))
+    return counts
+
+
+@pytest.mark.parametrize("number", [1, 2, 3], ids=["corners", "orb", "sift"])
+def test_n_k_by_its_definition(measured_flights, number):
+    pairs, results = measured_flights
+    result = results[number]
+    assert list(result.pairs.name) == [pairs.read(at, depth=False).name for at in range(len(pairs))]
+    for at in range(len(pairs)):
+        counts = cropped_inliers(pairs.read(at, depth=False), pairs.check(at), METHODS[number], 60)
+        for column, k in enumerate((5, 8)):
+            enough = [n for n in range(61) if counts[n] >= k]
+            assert result.n_k[at, 0, column] == (enough[0] if enough else math.inf)
+        assert result.budgets[20].inliers[at] == counts[20]
+    failed = int(np.isinf(result.n_k[:, 0, 1]).sum())
+    assert succinctness(result, 8).failures == failed
+
+
+def test_the_same_result_twice(flights, measured_flights):
+    sequences, listed = flights
+    pairs = PairSet([Source(sequences)], listed, HomographyInliers())
+    for again, before in zip(run_methods(METHODS, pairs, MEASURES), measured_flights[1], strict=True):
+        np.testing.assert_array_equal(again.n_k, before.n_k)
+        np.testing.assert_array_equal(again.budgets[20].matches, before.budgets[20].matches)
+        np.testing.assert_array_equal(again.budgets[20].spread, before.budgets[20].spread)
+
+
+def test_halving(flights, measured_flights):
+    sequences, listed = flights
+    pairs = PairSet([Source(sequences)], listed, HomographyInliers())
+    binary = run_methods(METHODS[1:2], pairs, replace(MEASURES, search="binary"))[0]
+    exact = measured_flights[1][1]
+    assert (binary.protocol["search"], exact.protocol["search"]) == ("binary", "exact")
+    assert (binary.n_k >= exact.n_k).all()
+    np.testing.assert_array_equal(binary.budgets[20].inliers, exact.budgets[20].inliers)
+
+
+def test_the_search_that_is_used(flights):
+    sequences, listed = flights
+    sources = [Source(sequences[:1], inliers=StereoP3PInliers()), Source(sequences[1:])]
+    pairs = PairSet(sources, listed, HomographyInliers())
+    assert search_used(MEASURES, pairs) == "binary and exact"
+    assert search_used(replace(MEASURES, search="binary"), pairs) == "binary"
+
+
+def test_the_protocol_is_complete(flights, measured_flights):
+    sequences, listed = flights
+    pairs = PairSet(
+        [Source(sequences)], listed, HomographyInliers(), chosen={"kind": "random", "overlap": 0.5, "seed": 0}
+    )
+    p = run_methods(METHODS[:1], pairs, MEASURES)[0].protocol
+    assert {name: p[name] for name in ("k", "n", "n_max", "search", "seed", "pairs", "overlap", "kind")} == {
+        "k": 8,
+        "n": 20,
+        "n_max": 60,
+        "search": "exact",
+        "seed": 0,
+        "pairs": 6,
+        "overlap": 0.5,
+        "kind": "random",
+    }
+    assert (p["detector"], p["descriptor"], p["scores"]) == ("SIPs", RootSift().name, "probability")
+    assert p["sequences"] == ["a", "b"]
+    assert p["verification"][0]["threshold"] == 3.0
+    assert p["versions"] == versions()
+    assert set(versions()) >= {"sips_lit", "torch", "opencv", "numpy"}
+    assert [(r.protocol["descriptor"], r.protocol["scores"]) for r in measured_flights[1][1:3]] == [
+        ("RootSIFT", "order"),
+        ("own", "order"),
+    ]
+
+
+def test_images_without_any_point():
+    grey = ArraySequence([np.full((60, 70), 90, np.uint8)] * 4, "grey", [np.eye(3)] * 4)
+    pairs = PairSet([Source([grey])], [ListedPair(0, 0, i, 1) for i in (1, 2, 3)], HomographyInliers())
+    (result,) = run_methods(METHODS[1:2], pairs, MEASURES)
+    assert np.isinf(result.n_k).all()
+    assert (result.points0.tolist(), result.budgets[20].inliers.tolist()) == ([0] * 3, [[0]] * 3)
+    assert (succinctness(result, 8).auc, succinctness(result, 8).failures) == (0, 3)
+
+
+def test_points_need_a_descriptor(flights):
+    sequences, listed = flights
+    pairs = PairSet([Source(sequences)], listed, HomographyInliers())
+    told = {}
+    assert not run_methods([method(ShiTomasi(), None, "bare")], pairs, MEASURES, on_skip=told.__setitem__)
+    assert "does not describe them: choose descriptor=" in told["bare"]
+
+
+class CountingMatcher(StereoMatcher):
+    """Counts the points of which it finds the disparity."""
+
+    calls: ClassVar[list[int]] = []
+
+    def disparity(self, image, partner, xy, to_the_right=True):
+        self.calls.append(len(xy))
+        return StereoMatcher.disparity(self, image, partner, xy, to_the_right)
+
+
+@pytest.mark.parametrize("check", [PoseDepthInliers, StereoP3PInliers])
+def test_depth_is_found_once_per_frame_and_method(check):
+    """Verification, poses and repeatability of three pairs of three frames share it."""
+    wall = Wall(6, depth=False, stereo=True)
+    listed = [ListedPair(0, 0, 2, 1), ListedPair(0, 2, 4, 1), ListedPair(0, 0, 4, 1)]
+    CountingMatcher.calls.clear()
+    pairs = PairSet([Source([wall])], listed, check(stereo=CountingMatcher()))
+    (result,) = run_methods(METHODS[1:2], pairs, MEASURES)
+    assert len(CountingMatcher.calls) == 3
+    assert result.milliseconds["depth"] > 0
+    assert (result.budgets[20].translation_error[:2] < 0.3).all()
+    assert (result.budgets[20].repeatability > 0.3).all()
 
 
 def test_the_papers_formula(measured_flights):

@@ -4,6 +4,7 @@ from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.inliers.verification import verify
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
 from sips_lit.types import Features, FramePair, Matches, Reason
@@ -72,10 +73,10 @@ def test_exact_search_finds_the_smallest_budget(k, seed):
     assert found == (min(enough) if enough else None)
 
 
-class Dependent:
+class Dependent(IndependentCheck):
     """Calls nothing an inlier unless five matches agree, like an estimated pose."""
 
-    independent, uses_frames, uses_depth, protocol = False, False, False, {"inliers": "five"}
+    independent, protocol = False, {"inliers": "five"}
 
     def __init__(self) -> None:
         self.asked: list[Matches] = []
@@ -90,7 +91,7 @@ class Dependent:
 
 def test_a_check_that_needs_all_matches_can_be_searched_by_halving_only():
     both = features(40, 40, 0)
-    with pytest.raises(BadInputError, match=r"inliers=five judges all matches .* use search=binary"):
+    with pytest.raises(BadInputError, match=r"inliers=five verifies all matches .* use search=binary"):
         verify(PAIR, *both, Dependent(), "exact")
     verified = verify(PAIR, *both, Dependent())
     assert verified.points_needed(5, 40) == verify(PAIR, *both, Dependent(), "binary").points_needed(5, 40)
@@ -120,3 +121,22 @@ def test_too_few_inliers_at_all():
     both = features(40, 40, 0)
     assert verify(PAIR, *both, HomographyInliers(), "exact").points_needed(41, 60) is None
     assert verify(PAIR, *both, HomographyInliers(), "binary").points_needed(41, 60) is None
+
+
+@pytest.mark.parametrize(("n0", "n1"), SIZES)
+def test_points_without_an_order_count_all_together(n0, n1):
+    both = features(n0, n1, 0)
+    verified, inliers = verify(PAIR, *both, HomographyInliers()), len(cropped(*both, 40)[1])
+    for k in (1, inliers, inliers + 1):
+        expected = max(n0, n1) if inliers >= k else None
+        assert verified.points_needed(k, 50, ordered=False) == expected
+
+
+def test_outcomes_are_scores_and_labels_of_the_best_points():
+    both = features(25, 40, 1)
+    scores, inlier = verify(PAIR, *both, HomographyInliers()).outcomes(20)
+    np.testing.assert_array_equal(scores, np.concatenate([f.keypoints.score[:20] for f in both]))
+    found = cropped(*both, 20)[1]
+    expected = [i in {a for a, _ in found} for i in range(20)] + [j in {b for _, b in found} for j in range(20)]
+    assert inlier.tolist() == expected
+    assert 0 < sum(expected) < 40

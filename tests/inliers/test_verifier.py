@@ -15,7 +15,7 @@ def scene(seed: int):
     return generator.random((N, N)), generator.random((N, N)) < 0.5
 
 
-def judged(matches, truth) -> Inliers:
+def truly(matches, truth) -> Inliers:
     inlier = truth[matches.index0, matches.index1]
     reason = np.where(inlier, Reason.INLIER, Reason.FAR).astype(np.uint8)
     return Inliers(inlier, reason, np.ones(N, bool), np.arange(N) % 2 == 0)
@@ -23,7 +23,7 @@ def judged(matches, truth) -> Inliers:
 
 def counts(distance, truth):
     """Inliers at every budget, by cropping and matching anew."""
-    return [int(judged(mutual_nearest(distance[:n, :n]), truth).inlier.sum()) for n in range(N + 1)]
+    return [int(truly(mutual_nearest(distance[:n, :n]), truth).inlier.sum()) for n in range(N + 1)]
 
 
 @settings(max_examples=30, deadline=None)
@@ -31,18 +31,18 @@ def counts(distance, truth):
 def test_exact(seed):
     distance, truth = scene(seed)
     lifetimes = mutual_nearest_lifetimes(distance)
-    judge = ExactVerifier(lifetimes, judged(lifetimes.matches, truth), N)
+    verifier = ExactVerifier(lifetimes, truly(lifetimes.matches, truth), N)
     expected = counts(distance, truth)
     for n in range(1, N + 1):
-        verified = judge.at(n, 0)
-        assert verified.count == expected[n]
+        verified = verifier.at(n, 0)
+        assert verified.inlier_count == expected[n]
         assert len(verified.inliers.known0) == len(verified.inliers.known1) == n
         assert len(verified.matches) == len(verified.inliers.inlier) == len(mutual_nearest(distance[:n, :n]))
     for k in (1, 3, 6):
         enough = [n for n in range(N + 1) if expected[n] >= k]
-        assert judge.needed(k, N, 0) == (enough[0] if enough else None)
+        assert verifier.needed(k, N, 0) == (enough[0] if enough else None)
         within = [n for n in enough if n <= 12]
-        assert judge.needed(k, 12, 0) == (within[0] if within else None)
+        assert verifier.needed(k, 12, 0) == (within[0] if within else None)
 
 
 @settings(max_examples=30, deadline=None)
@@ -50,10 +50,10 @@ def test_exact(seed):
 def test_searched(seed):
     """What is found has k inliers and its predecessor lacks them; the exact one where inliers only grow."""
     distance, truth = scene(seed)
-    judge = SearchVerifier(mutual_nearest_lifetimes(distance), lambda m, repeat: judged(m, truth), 2)
+    verifier = SearchVerifier(mutual_nearest_lifetimes(distance), lambda m, repeat: truly(m, truth), 2)
     expected = counts(distance, truth)
     for k in (1, 3, 6):
-        found = judge.needed(k, N, 1)
+        found = verifier.needed(k, N, 1)
         if found is None:
             assert expected[N] < k
             continue
@@ -70,14 +70,14 @@ class Asked:
 
     def __call__(self, matches, repeat):
         self.matches.append((repeat, tuple(matches.index0), tuple(matches.index1)))
-        return judged(matches, self.truth)
+        return truly(matches, self.truth)
 
 
 def test_nothing_is_asked_twice_and_searches_share():
     distance, truth = np.abs(np.subtract.outer(np.arange(N), np.arange(N))) + 0.0, np.ones((N, N), bool)
     asked = Asked(truth)
-    judge = SearchVerifier(mutual_nearest_lifetimes(distance), asked, 1)
-    assert [judge.needed(k, N, 0) for k in (4, 5, 6)] == [4, 5, 6]
+    verifier = SearchVerifier(mutual_nearest_lifetimes(distance), asked, 1)
+    assert [verifier.needed(k, N, 0) for k in (4, 5, 6)] == [4, 5, 6]
     together = len(asked.matches)
     assert len(set(asked.matches)) == together
     alone = 0
@@ -87,26 +87,26 @@ def test_nothing_is_asked_twice_and_searches_share():
         assert len(one.matches) <= 6
         alone += len(one.matches)
     assert together < alone
-    judge.at(5, 0)
+    verifier.at(5, 0)
     assert len(asked.matches) == together
 
 
 def test_repeats_see_the_matches_in_another_order():
     distance = np.abs(np.subtract.outer(np.arange(N), np.arange(N))) + 0.0
     asked = Asked(np.ones((N, N), bool))
-    judge = SearchVerifier(mutual_nearest_lifetimes(distance), asked, 3)
-    orders = [judge.at(20, repeat).matches.index0 for repeat in range(3)]
+    verifier = SearchVerifier(mutual_nearest_lifetimes(distance), asked, 3)
+    orders = [verifier.at(20, repeat).matches.index0 for repeat in range(3)]
     assert [repeat for repeat, *_ in asked.matches] == [0, 1, 2]
     assert len({tuple(order) for order in orders}) == 3
     assert all(sorted(order) == list(range(20)) for order in orders)
     again = SearchVerifier(mutual_nearest_lifetimes(distance), asked, 3).at(20, 2).matches.index0
     np.testing.assert_array_equal(again, orders[2])
-    np.testing.assert_array_equal(judge.at(20, 0).matches.index0, judge.at(20, 0).matches.index1)
+    np.testing.assert_array_equal(verifier.at(20, 0).matches.index0, verifier.at(20, 0).matches.index1)
 
 
 def test_no_points():
     lifetimes = mutual_nearest_lifetimes(np.zeros((0, 0)))
     nothing = Inliers(np.zeros(0, bool), np.zeros(0, np.uint8), np.zeros(0, bool), np.zeros(0, bool))
-    for judge in (ExactVerifier(lifetimes, nothing, N), SearchVerifier(lifetimes, lambda m, r: nothing, 1)):
-        assert judge.needed(1, N, 0) is None
-        assert judge.at(N, 0).count == 0
+    for verifier in (ExactVerifier(lifetimes, nothing, N), SearchVerifier(lifetimes, lambda m, r: nothing, 1)):
+        assert verifier.needed(1, N, 0) is None
+        assert verifier.at(N, 0).inlier_count == 0

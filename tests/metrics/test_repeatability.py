@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from textured_scenes import keypoints
 
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.metrics.repeatability import MovedPoints, move_points, repeated
-from sips_lit.types import Camera, FramePair, Matches, ViewGeometry
+from sips_lit.types import Camera, FramePair, Keypoints, Matches, ViewGeometry
 
 NO_MATCH = Matches(np.zeros(0, np.int64), np.zeros(0, np.int64))
 IMAGE = np.zeros((100, 200), np.uint8)
+NO_POINTS = Keypoints.empty()
 
 
 def points(*xy) -> np.ndarray:
@@ -26,7 +28,7 @@ def shifted(dx: float) -> FramePair:
 
 
 def measure(pair, xy0, xy1, matches=NO_MATCH, threshold=3.0):
-    return repeated(xy0, xy1, *move_points(pair, xy0, xy1, StereoMatcher()), matches, threshold)
+    return repeated(xy0, xy1, *move_points(pair, keypoints(xy0), keypoints(xy1), StereoMatcher()), matches, threshold)
 
 
 def test_counted_by_hand():
@@ -71,7 +73,7 @@ def test_nothing_in_the_common_view():
 
 
 def test_no_truth():
-    assert move_points(FramePair("p", 0, 1, (IMAGE,), IMAGE, IMAGE), points(), points(), StereoMatcher()) is None
+    assert move_points(FramePair("p", 0, 1, (IMAGE,), IMAGE, IMAGE), NO_POINTS, NO_POINTS, StereoMatcher()) is None
     unknown = MovedPoints(np.full((2, 2), np.nan), np.zeros(2, bool), np.zeros(2, bool))
     known = MovedPoints(points((1, 1)), np.ones(1, bool), np.ones(1, bool))
     assert math.isnan(repeated(points((1, 1), (2, 2)), points((1, 1)), unknown, known, NO_MATCH).repeatability)
@@ -91,7 +93,7 @@ def test_by_depth():
     depth[:50, 150:] = np.nan
     pair = stereo(depth, None)
     xy0 = points((120, 20), (60, 20), (10, 20), (160, 20))
-    moved0, moved1 = move_points(pair, xy0, points((3, 3)), StereoMatcher())
+    moved0, moved1 = move_points(pair, keypoints(xy0), keypoints(points((3, 3))), StereoMatcher())
     np.testing.assert_allclose(moved0.xy[:3], [[110, 20], [40, 20], [-10, 20]])
     assert np.isnan(moved0.xy[3]).all()
     assert moved0.known.tolist() == [True, True, True, False]
@@ -103,10 +105,9 @@ def test_by_depth():
 
 def test_hidden_by_a_nearer_surface():
     far, near = np.full((100, 200), 10.0), np.full((100, 200), 9.0)
-    assert not move_points(stereo(far, near), points((120, 20)), points(), StereoMatcher())[0].visible.any()
-    assert move_points(stereo(far, 9.6 * np.ones((100, 200))), points((120, 20)), points(), StereoMatcher())[
-        0
-    ].visible.all()
+    point = keypoints(points((120, 20)))
+    assert not move_points(stereo(far, near), point, NO_POINTS, StereoMatcher())[0].visible.any()
+    assert move_points(stereo(far, 9.6 * np.ones((100, 200))), point, NO_POINTS, StereoMatcher())[0].visible.all()
 
 
 def test_features_of_several_orientations_count_each():

@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
-from textured_scenes import flight
+from textured_scenes import ArraySequence, flight, texture
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.pairs import draw_pairs
 from sips_lit.frames.source import Source
-from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.pairs.choice import choose_pairs
 from sips_lit.pairs.pair_file import write_pair_file
 
@@ -13,16 +11,36 @@ A, B, C = (flight(7, size=(96, 80), seed=seed, name=name) for seed, name in enum
 SOURCES = [Source([A]), Source([B, C], weight=2)]
 
 
-def test_random_pairs_are_those_of_an_evaluation(tmp_path):
-    """Two commands with the same seed measure the same pairs."""
+def test_random_pairs_are_fixed_by_the_seed(tmp_path):
     listed = choose_pairs(SOURCES, tmp_path, pairs=12, overlap=0.5, seed=3)
     names = [f"{'abc'[p.sequence]}:{p.index0}-{p.index1}" for p in listed]
-    drawn = draw_pairs(SOURCES, HomographyInliers(), tmp_path, 12, 0.5, 3)
-    assert names == [pair.name for pair, _ in drawn]
     assert len(set(names)) == 12
     assert {name[0] for name in names} == set("abc")
     assert listed == choose_pairs(SOURCES, tmp_path, pairs=12, overlap=0.5, seed=3)
+    assert listed[:4] == choose_pairs(SOURCES, tmp_path, pairs=4, overlap=0.5, seed=3)
     assert listed != choose_pairs(SOURCES, tmp_path, pairs=12, overlap=0.5, seed=4)
+
+
+def test_fewer_pairs_than_asked_for(tmp_path):
+    assert len(choose_pairs([Source([flight(3)])], tmp_path, pairs=500, overlap=0.1)) == 6
+
+
+def test_no_pair_overlaps(tmp_path):
+    cuts = ArraySequence([texture(80, 96, i) for i in range(5)], "cuts")
+    with pytest.raises(BadInputError, match=r"no two frames of cuts overlap by 0\.5"):
+        choose_pairs([Source([cuts])], tmp_path, pairs=5)
+
+
+def test_evaluations_need_every_frame(tmp_path):
+    class Damaged(ArraySequence):
+        def frame(self, index):
+            if index == 3:
+                raise BadInputError("walk/003.png is damaged")
+            return super().frame(index)
+
+    sources = [Source([flight(8, size=(96, 80), known=False), Damaged(flight(9).frames, "walk")])]
+    with pytest.raises(BadInputError, match=r"an evaluation needs every frame, but walk/003\.png is damaged"):
+        choose_pairs(sources, tmp_path, pairs=5, overlap=0.4)
 
 
 def test_overlap_is_told(tmp_path):

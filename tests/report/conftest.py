@@ -1,9 +1,8 @@
 import pytest
 from textured_scenes import flight
-from tiny_methods import MEASURES, METHODS
+from tiny_methods import MEASURES, METHODS, run_methods
 
 from sips_lit.evaluate.pair_set import PairSet
-from sips_lit.evaluate.runner import run_methods
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.pairs.choice import choose_pairs

@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from sips_lit.detect.base import BaseDetector
 from sips_lit.types import Features, GreyImage, Keypoints
 
 WRONG = 7.0  # pixels aside of another point in x and in y: further than any threshold from all
 
 
-class Oracle:
+class Oracle(BaseDetector):
     """Points ``where[frame]`` (N, 2), best first; those that ``wrong(frame, number)`` marks (N,) are elsewhere.
 
     A frame that is not in ``where`` has no points. Each point describes itself by its number, so matches are known.

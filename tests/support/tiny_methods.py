@@ -9,10 +9,12 @@ from sips_lit.describe.sift import RootSift
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
-from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.method import Method
+from sips_lit.evaluate.result import MethodResult
+from sips_lit.evaluate.runner import evaluate_pair_set
 
-MEASURES = Measures(ks=(5, 8), n_max=60, budgets=(20,), calibration=(20, 90), iterations=100)
+MEASURES = Measures(k=8, ks=(5,), n_max=60, n=20, calibration=(20, 90), iterations=100)
 
 
 def sips() -> SipsDetector:
@@ -30,3 +32,8 @@ METHODS = [
     method(OrbDetector(), None, "orb"),
     method(SiftDetector(), None, "sift"),
 ]
+
+
+def run_methods(methods, pairs, measures, folder=None, **options) -> list[MethodResult]:
+    """What `evaluate_pair_set` measures, a record per method."""
+    return list(evaluate_pair_set(methods, pairs, measures, folder, **options).detectors)

@@ -1,4 +1,5 @@
 from concurrent.futures import ThreadPoolExecutor
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -8,6 +9,7 @@ from textured_scenes import flight, keypoints
 from sips_lit.describe.orb import OrbDescriptor
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.point_labels import point_labels
 from sips_lit.pairs.sampler import read_pair
@@ -24,20 +26,20 @@ def corners(image: np.ndarray, n: int = 60) -> Keypoints:
 POINTS0, POINTS1 = corners(PAIR.image0), corners(PAIR.image1)
 
 
-class Dependent:
+class Dependent(IndependentCheck):
     """A check that needs all matches at once."""
 
-    independent, uses_frames, uses_depth, protocol = False, False, False, {"inliers": "all"}
+    independent, protocol = False, {"inliers": "all"}
 
     def __call__(self, pair, keypoints0, keypoints1, matches):
         self.seen = len(matches)
         return HomographyInliers()(pair, keypoints0, keypoints1, matches)
 
 
-class HalfKnown:
+class HalfKnown(IndependentCheck):
     """Knows the points whose index is even, and those that an inlier match shows."""
 
-    independent, uses_frames, uses_depth, protocol = True, False, False, {"inliers": "half"}
+    protocol = MappingProxyType({"inliers": "half"})
 
     def __call__(self, pair, keypoints0, keypoints1, matches):
         answer = HomographyInliers()(pair, keypoints0, keypoints1, matches)

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -10,8 +11,9 @@ from sips_lit.baselines.sift import SiftDetector
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import extract
-from sips_lit.evaluate.measure import Measures
-from sips_lit.evaluate.verified_pair import measure_pair
+from sips_lit.evaluate.measure import measure_pair
+from sips_lit.evaluate.measures import Measures
+from sips_lit.geometry.projection import sample_depth
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
@@ -19,11 +21,11 @@ from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
 from sips_lit.pairs.sampler import read_pair
 
-M = Measures(ks=(5, 10), n_max=80, budgets=(20, 50), repeats=3, iterations=100)
+M = Measures(k=10, ks=(5,), n_max=80, n=50, budgets=(20,), repeats=3, iterations=100)
 
 
 def points(pair, detector=None, n=80):
-    return [extract(detector or ShiTomasi(), RootSift(), image, n) for image in (pair.image0, pair.image1)]
+    return [extract(detector or ShiTomasi(), RootSift(), image, n).features for image in (pair.image0, pair.image1)]
 
 
 @pytest.mark.parametrize("detector", [ShiTomasi(), SiftDetector()], ids=["corners", "sift"])
@@ -38,7 +40,7 @@ def test_n_k_by_its_definition(detector, check):
         matches = mutual_nearest(distances(*best))
         counts.append(int(check(pair, best[0].keypoints, best[1].keypoints, matches).inlier.sum()))
     measured = measure_pair(pair, *both, check, M)
-    for column, k in enumerate(M.ks):
+    for column, k in enumerate(M.every_k):
         enough = [n for n in range(81) if counts[n] >= k]
         assert measured.n_k[0, column] == (enough[0] if enough else math.inf)
     assert measured.budgets[20].inliers.tolist() == [counts[20]]
@@ -51,12 +53,12 @@ def test_known_geometry(stereo):
     pair = read_pair(Wall(6, depth=not stereo, stereo=stereo), 0, 2, between=False)
     measured = measure_pair(pair, *points(pair), PoseDepthInliers(), M)
     at = measured.budgets[50]
-    assert at.repeated.matching_score <= at.repeated.repeatability
-    assert at.repeated.repeatability > 0.6
+    assert at.matching_score <= at.repeatability
+    assert at.repeatability > 0.6
     assert (at.rotation_error < 0.3).all()
     assert (at.translation_error < 0.1).all()
     assert np.isfinite(measured.rotation_error).all()
-    assert set(measured.milliseconds) == {"match", "depth", "verify", "metrics"}
+    assert set(measured.milliseconds) == {"match", "verify", "metrics"}
 
 
 def test_random_verification_is_repeated():
@@ -67,7 +69,7 @@ def test_random_verification_is_repeated():
     assert (measured.n_k[:, 0] <= measured.n_k[:, 1]).all()
     assert np.isfinite(measured.n_k).all()
     assert np.isnan(measured.rotation_error).all()  # nobody knows the poses
-    assert math.isnan(measured.budgets[20].repeated.repeatability)
+    assert math.isnan(measured.budgets[20].repeatability)
     again = measure_pair(pair, *both, StereoP3PInliers(), M)
     np.testing.assert_array_equal(measured.n_k, again.n_k)
     exact = measure_pair(read_pair(Wall(6), 0, 2), *both, PoseDepthInliers(), M)
@@ -86,7 +88,6 @@ def test_poses_may_be_left_out():
     pair = read_pair(Wall(6), 0, 2)
     measured = measure_pair(pair, *points(pair), PoseDepthInliers(), Measures(pose=False))
     assert np.isnan(measured.rotation_error).all()
-    assert "depth" not in measured.milliseconds
 
 
 def test_images_without_points():
@@ -97,7 +98,7 @@ def test_images_without_points():
         assert np.isinf(measured.n_k).all()
         assert np.isinf(measured.translation_error).all()
         at = measured.budgets[50]
-        assert (at.matches, at.spread, at.repeated.repeatability) == (0, 0, 0)
+        assert (at.matches, at.spread, at.repeatability) == (0, 0, 0)
         assert not at.inliers.any()
 
 
@@ -119,25 +120,72 @@ def test_no_depth_anywhere():
         measured = measure_pair(pair, *points(pair), check, M)
         assert np.isinf(measured.n_k).all()
         assert np.isinf(measured.budgets[50].translation_error).all()
-        assert math.isnan(measured.budgets[50].repeated.repeatability)
+        assert math.isnan(measured.budgets[50].repeatability)
 
 
 def test_planar_scenes():
     pair = read_pair(flight(4), 0, 3)
     measured = measure_pair(pair, *points(pair), HomographyInliers(), M)
-    assert measured.budgets[50].repeated.repeatability > 0.5
+    assert measured.budgets[50].repeatability > 0.5
     assert np.isnan(measured.budgets[50].rotation_error).all()
     unknown = read_pair(film(4), 0, 3)
-    assert math.isnan(measure_pair(unknown, *points(pair), KltInliers(), M).budgets[50].repeated.repeatability)
+    assert math.isnan(measure_pair(unknown, *points(pair), KltInliers(), M).budgets[50].repeatability)
 
 
 class Together(HomographyInliers):
-    """Judges all matches together, in its own way."""
+    """Verifies all matches together, in its own way: none is an inlier unless there are twelve."""
 
     independent = False
 
+    def __call__(self, pair, keypoints0, keypoints1, matches):
+        found = super().__call__(pair, keypoints0, keypoints1, matches)
+        return found if len(matches) >= 12 else dataclasses.replace(found, inlier=np.zeros(len(matches), bool))
 
-def test_other_checks_that_judge_all_matches_together():
+
+def test_other_checks_that_verify_all_matches_together():
     pair = read_pair(flight(4), 0, 3)
-    with pytest.raises(BadInputError, match="inliers=homography judges all matches together"):
-        measure_pair(pair, *points(pair), Together(), M)
+    measured = measure_pair(pair, *points(pair), Together(), M)
+    alone = measure_pair(pair, *points(pair), HomographyInliers(), M)
+    assert measured.n_k.shape == (3, 2)  # its repeats agree: it draws nothing
+    assert (measured.n_k == measured.n_k[0]).all()
+    assert (measured.n_k[0] >= alone.n_k[0]).all()
+    assert measured.n_k[0, 0] >= 12 > alone.n_k[0, 0]
+    with pytest.raises(BadInputError, match="inliers=homography verifies all matches of a budget together"):
+        measure_pair(pair, *points(pair), Together(), dataclasses.replace(M, search="exact"))
+
+
+def test_halving_agrees_where_inliers_only_grow():
+    pair = read_pair(flight(4), 0, 3)
+    both = points(pair)
+    counts = []
+    for n in range(81):
+        best = [features.best(n) for features in both]
+        matches = mutual_nearest(distances(*best))
+        counts.append(int(HomographyInliers()(pair, best[0].keypoints, best[1].keypoints, matches).inlier.sum()))
+    exact, binary = (
+        measure_pair(pair, *both, HomographyInliers(), dataclasses.replace(M, search=search))
+        for search in ("exact", "binary")
+    )
+    grows = [all(np.diff(np.array(counts) >= k) >= 0) for k in M.every_k]
+    assert any(grows)
+    np.testing.assert_array_equal(binary.n_k[0, grows], exact.n_k[0, grows])
+    assert (binary.budgets[50].matches, binary.budgets[50].inliers) == (exact.budgets[50].matches, counts[50])
+
+
+def test_depth_that_the_keypoints_bring_is_taken():
+    """Nobody looks at the maps any more: spoilt ones make no difference."""
+    wall = Wall(6)
+    pair = read_pair(wall, 0, 2)
+    both = points(pair)
+    brought = [
+        dataclasses.replace(
+            f, keypoints=dataclasses.replace(f.keypoints, depth=sample_depth(wall.depth(i), f.keypoints.xy))
+        )
+        for f, i in zip(both, (0, 2), strict=True)
+    ]
+    spoilt = dataclasses.replace(pair.geometry, depth0=pair.geometry.depth0 * 3, depth1=None)
+    for check in (PoseDepthInliers(occlusion=0.999), StereoP3PInliers()):
+        expected = measure_pair(pair, *both, check, M)
+        measured = measure_pair(dataclasses.replace(pair, geometry=spoilt), *brought, check, M)
+        np.testing.assert_array_equal(measured.n_k, expected.n_k)
+        np.testing.assert_array_equal(measured.translation_error, expected.translation_error)

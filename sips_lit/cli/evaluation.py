@@ -1,0 +1,162 @@
+"""Methods on pair sets, from the configuration to the report: what sips-evaluate and sips-benchmark run.
+
+The keys of ``conf/evaluation`` say what is measured on which pairs. They hold for every pair set; an entry of ``pair_sets``
+overrides them for its own. Without entries there is one pair set, of the keys themselves.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import cv2
+from omegaconf import DictConfig, ListConfig, OmegaConf
+
+from sips_lit.cli.app import build
+from sips_lit.detect.sanitise import Defects
+from sips_lit.errors import BadInputError
+from sips_lit.evaluate.measures import Measures
+from sips_lit.evaluate.method import Method
+from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.result import PairSetResult
+from sips_lit.evaluate.runner import evaluate_pair_set
+from sips_lit.files import safe_name
+from sips_lit.frames.frame_cache import FrameCache
+from sips_lit.frames.source import as_sources
+from sips_lit.inference.score_video import write_score_video
+from sips_lit.pairs.choice import choose_pairs
+from sips_lit.pairs.pair_file import write_pair_file
+from sips_lit.report.files import write_report
+from sips_lit.report.method_pictures import draw_method_pictures
+from sips_lit.report.pair_pictures import PairPicture
+from sips_lit.report.summary import summary
+from sips_lit.report.terminal import protocol_line, table
+
+CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
+"""Keys that say how pairs are chosen."""
+MEASURED = tuple(field.name for field in fields(Measures))
+"""Keys that say what is measured."""
+PAIR_SET = tuple(dict.fromkeys(("title", "data", "inliers", *CHOICE, *MEASURED)))
+"""Keys that an entry of ``pair_sets`` may have."""
+
+
+def run_evaluation(
+    config: DictConfig, methods: Sequence[Method], skipped: Mapping[str, str], folder: Path
+) -> list[PairSetResult]:
+    """Measures, prints a table per pair set, writes the report to ``folder``. ``skipped``: methods that could not be made.
+
+    Raises BadInputError when no method at all could be measured.
+    """
+    cv2.setNumThreads(-1)
+    results: list[PairSetResult] = []
+    videos: list[Path] = []
+    pictures: dict[tuple[str, str], Sequence[PairPicture]] = {}
+    cache = Path(config.features)
+    for pairs, measures in make_pair_sets(config, folder):
+        result = evaluate_pair_set(methods, pairs, measures, cache, config.workers, told({}))
+        results.append(_with_skipped(result, skipped))
+        print(f"\n{pairs.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1], measures)}")
+        print("".join(f"sanitised: {name}: {mended}\n" for name, mended in _mended(result).items()), end="")
+        videos += write_videos(folder / safe_name(pairs.key), methods, pairs, measures.n, config.video_frames)
+        if config.pictures:
+            drawn = draw_method_pictures(result.detectors, methods, pairs, measures, cache)
+            pictures |= {(pairs.key, key): of_method for key, of_method in drawn.items()}
+    if not any(result.detectors for result in results):
+        reasons = "; ".join(sorted({reason for result in results for reason in result.skipped.values()}))
+        raise BadInputError(f"no method could be measured: {reasons}")
+    written = write_report(folder, results, pictures, date.today().isoformat()) + videos
+    print("\nwrote:\n" + "\n".join(f"  {line}" for line in _listed(folder, written)))
+    return results
+
+
+def _listed(folder: Path, files: Sequence[Path]) -> list[str]:
+    """The files in a folder by name, those in its subfolders by their number."""
+    inside = Counter(file.relative_to(folder).parts[0] for file in files if file.parent != folder)
+    own = [str(file) for file in files if file.parent == folder and file.name not in inside]
+    return own + [f"{folder / name}/ ({count} {'file' if count == 1 else 'files'})" for name, count in inside.items()]
+
+
+def _with_skipped(result: PairSetResult, skipped: Mapping[str, str]) -> PairSetResult:
+    return replace(result, skipped={**skipped, **result.skipped})
+
+
+def _mended(result: PairSetResult) -> dict[str, str]:
+    """What had to be mended of each method's points, in words."""
+    found = {method.name: str(Defects(**method.defects)) for method in result.detectors}
+    return {name: words for name, words in found.items() if words}
+
+
+def told(skipped: dict[str, str]) -> Callable[[str, str], None]:
+    """Writes down what is left out and why, and says so at once."""
+
+    def skip(key: str, reason: str) -> None:
+        skipped[key] = reason
+        print(f"skipped {key}: {reason}")
+
+    return skip
+
+
+def best_auc(results: Sequence[PairSetResult]) -> float:
+    """The best succinctness AUC on the first pair set: what a sweep maximises. NaN where no method was measured."""
+    return max((summary(method).auc for method in results[0].detectors), default=float("nan"))
+
+
+def make_pair_sets(config: DictConfig, folder: Path) -> list[tuple[PairSet, Measures]]:
+    """The pair sets of the configuration with what is measured on them; each one's pairs are written to a file.
+
+    Raises BadInputError for keys that a pair set does not have.
+    """
+    entries: dict[str, Any] = {str(key): entry for key, entry in config.pair_sets.items() if entry is not None}
+    if not entries:
+        entries = {"data": OmegaConf.create({})}
+    cache = FrameCache()
+    return [_pair_set(config, key, entry, folder, cache) for key, entry in entries.items()]
+
+
+def _pair_set(
+    config: DictConfig, key: str, entry: DictConfig, folder: Path, cache: FrameCache
+) -> tuple[PairSet, Measures]:
+    unknown = next((str(name) for name in entry if name not in PAIR_SET), None)
+    if unknown is not None:
+        raise BadInputError(f"pair_sets.{key} sets {unknown}, which no pair set has: it can set {', '.join(PAIR_SET)}")
+
+    def value(name: str) -> Any:
+        found = entry[name] if name in entry else config[name]
+        return tuple(found) if isinstance(found, ListConfig) else found
+
+    measures = Measures(**{name: value(name) for name in MEASURED})
+    choice: dict[str, Any] = {name: value(name) for name in CHOICE}
+    sources, inliers = as_sources(build(value("data"))), build(value("inliers"))
+    listed = choose_pairs(sources, config.paths.indexes, **choice, workers=config.workers)
+    whole = PairSet(sources, listed, inliers, cache, key, str(entry.get("title", key)), _in_words(choice))
+    pairs = whole.verifiable()
+    write_pair_file(folder / safe_name(key) / "pairs.csv", pairs.sequences, listed)
+    if pairs.left_out:
+        print(
+            f"{key}: left out {len(pairs.left_out)} pairs whose depth or pose is not known: {', '.join(pairs.left_out)}"
+        )
+    return pairs, measures
+
+
+def _in_words(choice: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a choice of pairs that mattered."""
+    if choice["pairs_file"] is not None:
+        return {"pairs_file": Path(choice["pairs_file"]).name}
+    if choice["kind"] != "random":
+        return {"kind": choice["kind"]}
+    return {name: choice[name] for name in ("kind", "overlap", "seed")}
+
+
+def write_videos(folder: Path, methods: Sequence[Method], pairs: PairSet, n: int, frames: int) -> list[Path]:
+    """A video of the first sequence by each different detector with probabilities: score map and ``n`` points per frame."""
+    written: dict[int, Path] = {}
+    for method in methods if frames > 0 else ():
+        if method.detector.scores == "probability" and id(method.detector) not in written:
+            path = folder / f"{method.key}_scores.mp4"
+            write_score_video(path, pairs.sequences[0], method.detector, n, frames)
+            written[id(method.detector)] = path
+    return list(written.values())

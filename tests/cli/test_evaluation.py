@@ -1,0 +1,48 @@
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from sips_lit.cli.app import CONF_DIR
+from sips_lit.cli.evaluation import best_auc, make_pair_sets
+from sips_lit.errors import BadInputError
+from sips_lit.evaluate.result import PairSetResult
+
+
+@pytest.fixture
+def config(frames, folders):
+    with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
+        yield compose(
+            "benchmark",
+            ["data=folder", f"data.path={frames}", f"paths.run={folders}/run", "pairs=3", "n_max=40", "n=20"],
+        )
+
+
+def test_without_entries_there_is_one_pair_set_of_the_keys(config, folders):
+    ((pairs, measures),) = make_pair_sets(config, folders / "run")
+    assert (pairs.key, pairs.title, len(pairs)) == ("data", "data", 3)
+    assert (measures.n_max, measures.n, measures.k) == (40, 20, 10)
+    assert pairs.protocol["overlap"] == 0.5
+    assert len((folders / "run" / "data" / "pairs.csv").read_text().splitlines()) == 4
+
+
+def test_an_entry_overrides_the_keys_for_its_own(config, folders):
+    config.pair_sets = OmegaConf.create(
+        {"wide": {"title": "Wide pairs", "overlap": 0.2, "k": 4}, "first": {"kind": "first_to_others"}, "gone": None}
+    )
+    (wide, at_wide), (first, at_first) = make_pair_sets(config, folders / "run")
+    assert (wide.title, at_wide.k, at_wide.n_max, wide.protocol["overlap"]) == ("Wide pairs", 4, 40, 0.2)
+    assert (first.title, at_first.k, first.protocol["kind"]) == ("first", 10, "first_to_others")
+    assert "overlap" not in first.protocol
+    assert {p.index0 for p in first.listed} == {0}
+
+
+def test_keys_that_no_pair_set_has(config, folders):
+    config.pair_sets = OmegaConf.create({"a": {"nonsense": 1}})
+    with pytest.raises(
+        BadInputError, match=r"pair_sets\.a sets nonsense, which no pair set has: it can set title, data"
+    ):
+        make_pair_sets(config, folders / "run")
+
+
+def test_nobody_was_measured():
+    assert best_auc([PairSetResult("a", "A", {}, (), {})]) != best_auc([PairSetResult("a", "A", {}, (), {})])
