@@ -30,7 +30,7 @@ def test_pictures_show_the_pairs_that_they_name():
         return FramePair("p", 0, index + 1, ends, *ends, scene.homography(0, index + 1)), HomographyInliers()
 
     def features_of(image):
-        return extract(ShiTomasi(), RootSift(), image, 60)
+        return extract(ShiTomasi(), RootSift(), image, 60).features
 
     plain = draw_pair_pictures(result, pair_of, features_of, 30)
     needed = median_needed(result, 10)
