@@ -34,8 +34,7 @@ def draw_calibrations(
         lower.lines[-1].set_marker("")
         most = max(most, int(result.count.max()))
     upper.set(xlim=(0, 1), ylim=(0, 1), ylabel="frequency of inliers")
-    lower.set_yscale("log")
-    lower.set(ylim=(0.7, 2 * most), xlabel="predicted probability of being an inlier", ylabel="points")
+    lower.set(ylim=(0.7, 2 * most), yscale="log", xlabel="predicted probability of being an inlier", ylabel="points")
     if legend:
         put_legend(upper)
     return figure

@@ -87,23 +87,6 @@ def test_tiny_images_are_legal(kind, shape):
     assert ((keypoints.xy >= -0.5) & (keypoints.xy < np.array(shape[::-1]) - 0.5)).all()
 
 
-def test_few_corners_few_points():
-    image = np.full((200, 200), 50, np.uint8)
-    image[80:120, 80:120] = 200
-    for kind in (ShiTomasi, Harris):
-        assert len(kind().detect(image, 100)) == 4
-
-
-def test_fast_score_is_the_largest_threshold():
-    image = np.full((50, 60), 50, np.uint8)
-    image[20, 33] = 200
-    keypoints = Fast().detect(image, 10)
-    np.testing.assert_array_equal(keypoints.xy, [[33, 20]])
-    np.testing.assert_array_equal(keypoints.score, [149])  # 150 grey levels above the circle around it
-    assert len(Fast(threshold=149).detect(image, 10)) == 1
-    assert len(Fast(threshold=150).detect(image, 10)) == 0
-
-
 @pytest.mark.parametrize("kind", [Fast, ShiTomasi, Harris, RandomPoints, GridPoints])
 def test_without_a_descriptor_it_does_not_describe(kind, image):
     assert not kind.describes

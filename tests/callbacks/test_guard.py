@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from sips_lit.callbacks.guard import GracefulStop, NonFiniteGuard
-from sips_lit.callbacks.last_validation import LastValidation
 from sips_lit.detect.selection import SelectedPoints
 from sips_lit.errors import BadInputError, TrainingInterrupted
 from sips_lit.inliers.point_labels import PointLabels
@@ -19,7 +18,7 @@ class Trainer(SimpleNamespace):
     """What the callbacks ask of a trainer; remembers what it saved."""
 
     def __init__(self, **options) -> None:
-        defaults = {"global_step": 7, "max_steps": 100, "accumulate_grad_batches": 1, "should_stop": False}
+        defaults = {"global_step": 7, "accumulate_grad_batches": 1, "should_stop": False}
         super().__init__(**{**defaults, "val_check_batch": 10, "saved": [], **options})
 
     def save_checkpoint(self, path) -> None:
@@ -142,10 +141,3 @@ def test_a_new_fit_forgets_an_old_request(stop):
     trainer = Trainer()
     batch_end(stop, trainer, 0)
     assert trainer.saved == []
-
-
-@pytest.mark.parametrize(("step", "stops"), [(3, False), (4, True)])
-def test_the_last_step_asks_for_a_validation(step, stops):
-    trainer = Trainer(global_step=step, max_steps=4)
-    LastValidation().on_train_batch_end(trainer, None, None, None, step - 1)
-    assert trainer.should_stop is stops

@@ -94,6 +94,13 @@ def test_inliers_out_of_reach_keep_every_point_up_to_n_max_and_say_so() -> None:
     assert (len(kept), enough) == (7, True)  # 1 - 8 / 128 = 0.9375, while 6 points give 0.891
 
 
+def test_fifty_points_or_95_percent_of_at_most_500_by_default() -> None:
+    many = keypoints_of([0.7] * 600)
+    assert len(Budget().keep(many)[0]) == 50
+    assert len(Budget(k=1).keep(many)[0]) == 3  # 1 - 0.3^2 = 0.91, 1 - 0.3^3 = 0.973
+    assert len(Budget(k=590).keep(many)[0]) == 500
+
+
 def test_no_points_at_all() -> None:
     kept, enough = Budget().keep(Keypoints.empty())
     assert (len(kept), enough) == (0, True)

@@ -94,6 +94,18 @@ def test_other_colour_spaces_are_converted(mode):
     assert np.abs(as_grey(PIL.Image.fromarray(RGB).convert(mode)) - LUMA).max() <= 4
 
 
+def test_indices_of_a_palette_are_looked_up():
+    indices = PIL.Image.fromarray(GREY)
+    indices.putpalette(np.repeat(np.arange(255, -1, -1), 3).astype(np.uint8).tobytes())  # index i is grey 255 - i
+    assert indices.mode == "P"
+    np.testing.assert_array_equal(as_grey(indices), 255 - GREY)
+
+
+def test_16_bits_are_rounded_to_the_nearest_of_8():
+    every = np.arange(2**16, dtype=np.uint16).reshape(256, 256)
+    np.testing.assert_array_equal(as_grey(every), np.rint(every / 65535 * 255))
+
+
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
 def test_tensors_of_half_precision(dtype):
     grey = as_grey((torch.from_numpy(GREY) / 255).to(dtype))
@@ -166,6 +178,10 @@ def test_one_pixel_is_one_point(detector):
     points = detector(np.full((1, 1), 128, np.uint8))
     np.testing.assert_array_equal(points.xy, [[0, 0]])
     np.testing.assert_array_equal(points.scale, [1])
+
+
+def test_fifty_points_by_default(detector):
+    assert len(detector(texture(150, 200))) == 50 < len(detector(texture(150, 200), 10**6))
 
 
 def test_no_points_and_fewer_than_none(detector):

@@ -92,3 +92,12 @@ def test_a_neighbour_at_the_radius_is_suppressed_and_one_beyond_is_not():
     scores[0, [2, 7]] = [2, 1]
     assert (0, 7) not in found(scores, 5)
     assert found(scores, 4)[:2] == [(0, 2), (0, 7)]
+
+
+@pytest.mark.slow
+def test_ties_beyond_the_integers_of_single_precision():
+    """Pixels number 2^24 and 2^24 + 1 in raster order, which float32 does not tell apart."""
+    scores = torch.full((1, 2**24 + 4), -torch.inf)
+    scores[0, 2**24 : 2**24 + 2] = 1
+    rows, columns = local_maxima(scores, 1)
+    assert (rows.tolist(), columns.tolist()) == ([0], [2**24])

@@ -34,6 +34,13 @@ def test_the_small_paper_network_has_42113_weights():
     assert sum(p.numel() for p in ScoreNetwork(10, 32).parameters()) == 42113
 
 
+def test_the_default_is_the_small_paper_network_on_a_single_scale():
+    net = ScoreNetwork()
+    assert sum(p.numel() for p in net.parameters()) == 42113
+    assert (net.radius, net.scales) == (10, 1)
+    assert net.scale_factor == pytest.approx(2**0.5)
+
+
 def test_probabilities_start_near_those_of_the_bias():
     with torch.no_grad():
         probability = torch.sigmoid(network(10, 32)(noise(40, 40)))
@@ -56,12 +63,14 @@ def test_receptive_field_is_exactly_the_radius(depth, row, column):
     assert net.radius == depth
 
 
+@pytest.mark.parametrize("slope", [0.01, 0.3])
 @pytest.mark.parametrize("size", [(17, 23), (1, 1), (2, 9), (3, 3)])
-def test_the_whole_map_is_that_of_a_plain_network_on_a_replicated_border(size):
-    net, image = network(6), noise(*size)
+def test_the_whole_map_is_that_of_a_plain_network_on_a_replicated_border(size, slope):
+    torch.manual_seed(0)
+    net, image = ScoreNetwork(6, 8, leaky_slope=slope), noise(*size)
     plain: list[nn.Module] = [nn.ReplicationPad2d(6)]
     for layer in net.layers:
-        plain += [layer, nn.LeakyReLU(0.01)]
+        plain += [layer, nn.LeakyReLU(slope)]
     with torch.no_grad():
         expected = nn.Sequential(*plain[:-1])((image - 127) / 64)
         actual = net(image)

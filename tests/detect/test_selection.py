@@ -55,6 +55,37 @@ def test_sub_pixel_moves_points_by_half_a_pixel_at_most():
     np.testing.assert_array_equal(fine.score, coarse.score)
 
 
+class Fixed(torch.nn.Module):
+    """Gives one map of logits, whatever the image."""
+
+    scales, scale_factor = 1, 2.0
+
+    def __init__(self, logits: np.ndarray) -> None:
+        super().__init__()
+        self.logits = torch.from_numpy(logits)[None, None].float()
+
+    def forward(self, image: torch.Tensor) -> torch.Tensor:
+        return self.logits
+
+
+@pytest.mark.parametrize("height", [-2.0, 3.0])
+def test_the_top_of_a_parabola_of_logits_is_where_it_is(height):
+    """Of probabilities it would be pulled to the pixel, or away from it: they are no parabola."""
+    y, x = np.mgrid[:21, :31]
+    logits = height - 1.5 * (x - 12.3) ** 2 - 0.7 * (y - 8.8) ** 2
+    points = PointSelector().select(Fixed(logits), torch.zeros(1, 1, 21, 31), 1)
+    np.testing.assert_allclose(points.keypoints.xy, [[12.3, 8.8]], atol=1e-4)
+    assert (points.row.tolist(), points.column.tolist()) == ([9], [12])
+
+
+@pytest.mark.parametrize(("apart", "count"), [(5, 1), (6, 2)])
+def test_the_radius_is_five_pixels_by_default(apart, count):
+    logits = np.full((20, 30), -5.0)
+    logits[10, 10], logits[10, 10 + apart] = 2, 1
+    points = PointSelector().select(Fixed(logits), torch.zeros(1, 1, 20, 30), 100)
+    assert (points.keypoints.score > 0.5).sum() == count
+
+
 @pytest.mark.parametrize("scales", [1, 4])
 @pytest.mark.parametrize("radius", [2, 5])
 def test_no_two_points_within_the_radius(scales, radius):

@@ -11,10 +11,9 @@ from sips_lit.geometry.homography import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.inliers.point_labels import point_labels
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.labelling import label_pair
-from sips_lit.types import Inliers, Keypoints, Matches, Reason
+from sips_lit.types import Inliers, Keypoints, Reason
 
 PAIR = read_pair(flight(5), 0, 4)
 
@@ -129,22 +128,3 @@ def test_images_without_points(empty, parts):
         assert (labels.reason == Reason.UNMATCHED).all()
         assert labels.known.all()
         assert not labels.inlier.any()
-
-
-def test_point_labels_one_by_one():
-    reasons = np.array([Reason.INLIER, Reason.FAR, Reason.UNKNOWN, Reason.LOST], np.uint8)
-    matches = Matches(np.array([5, 0, 3, 1]), np.array([0, 1, 2, 3]))
-    known = np.array([True, True, False, True, True, False, True])
-    labels = point_labels(Inliers(reasons == 0, reasons, known, known), matches.index0, known)
-    expected = [
-        Reason.FAR,
-        Reason.LOST,
-        Reason.UNKNOWN,
-        Reason.UNKNOWN,
-        Reason.UNMATCHED,
-        Reason.INLIER,
-        Reason.UNMATCHED,
-    ]
-    assert labels.reason.tolist() == expected
-    assert labels.inlier.tolist() == [reason == Reason.INLIER for reason in expected]
-    assert labels.known.tolist() == [reason != Reason.UNKNOWN for reason in expected]

@@ -1,0 +1,42 @@
+"""Sources of sequences in which every frame sees all later ones, and the pairs of them."""
+
+import dataclasses
+
+import numpy as np
+from textured_scenes import flight
+
+from sips_lit.frames.source import Source
+from sips_lit.inliers.homography import HomographyInliers
+from sips_lit.pairs.overlap import OverlapIndex
+from sips_lit.pairs.source_pairs import SourcePair, SourceSampler
+from sips_lit.types import FramePair
+
+
+def all_overlap(length: int) -> OverlapIndex:
+    """Every frame sees all later ones."""
+    counts = np.arange(length)[::-1]
+    return OverlapIndex(
+        np.full(counts.sum(), 9, np.uint16), np.concatenate([[0], np.cumsum(counts)]), np.full(length, 9)
+    )
+
+
+def sources(weights: tuple[float, ...] = (1.0, 3.0)) -> list[Source]:
+    """The first source has two sequences, the others one."""
+    made = [Source([flight(5, name="a"), flight(4, seed=1, name="b")], weights[0], name="first")]
+    made += [Source([flight(6, seed=2 + i, name=f"c{i}")], w, HomographyInliers()) for i, w in enumerate(weights[1:])]
+    return made
+
+
+def sampler_of(data: list[Source], seed: int = 3) -> SourceSampler:
+    return SourceSampler(data, [all_overlap(len(s)) for source in data for s in source.sequences], 0.5, seed)
+
+
+def assert_same(a: SourcePair, b: SourcePair) -> None:
+    assert a.source == b.source
+    for field in dataclasses.fields(FramePair):
+        one, other = getattr(a.pair, field.name), getattr(b.pair, field.name)
+        if field.name == "frames":
+            assert len(one) == len(other)
+            assert all(np.array_equal(x, y) for x, y in zip(one, other, strict=True))
+        else:
+            np.testing.assert_array_equal(one, other)
