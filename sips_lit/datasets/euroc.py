@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.asl import LAYOUT, TimedImages, read_sensor, read_timed_images, read_states
+from sips_lit.datasets.asl import LAYOUT, TimedImages, read_sensor, read_states, read_timed_images
 from sips_lit.datasets.association import nearest_in_time
 from sips_lit.datasets.layout import files_fingerprint, wrong_layout
+from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.image_cache import image_cache
@@ -163,8 +164,19 @@ def _sequence_folders(path: Path) -> dict[str, Path]:
     """The folders ``mav0`` by the names of their sequences."""
     if (path / "cam0").is_dir():
         return {path.parent.name: path}
-    for pattern in ("mav0", "*/mav0", "*/*/mav0"):  # a sequence; several; rooms of several
+    for pattern in ("mav0", "[!.]*/mav0", "[!.]*/[!.]*/mav0"):  # a sequence; several; rooms of several
         found = [mav0.parent for mav0 in sorted(path.glob(pattern)) if mav0.is_dir() and "__MACOSX" not in mav0.parts]
         if found:
             return {"_".join(folder.relative_to(path).parts) or path.name: folder / "mav0" for folder in found}
     raise wrong_layout(f"mav0 in {path} or in its folders", path, LAYOUT)
+
+
+SPEC = DatasetSpec(
+    kind="euroc",
+    title="EuRoC / ASL",
+    loader=euroc,
+    signs=(any_of("mav0/cam0/sensor.yaml", "mav0", "cam0/sensor.yaml", "cam0/data.csv"),),
+    family=True,
+    has=("right images", "intrinsics", "poses", "times"),
+    inliers=("klt", "stereo_p3p", "pose_depth"),
+)

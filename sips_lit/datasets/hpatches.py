@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import expect, files_fingerprint, read_table, wrong_layout
+from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.datasets.split_lists import split_names
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.image_size import image_size
-from sips_lit.frames.images import check_max_side, read_grey, shrunk_size
+from sips_lit.frames.images import check_max_side, list_folders, read_grey, shrunk_size
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.geometry.resize import resize_map
 from sips_lit.types import FloatArray, GreyImage, ImageSequence
@@ -150,7 +151,7 @@ def _find(root: Path) -> dict[str, Path]:
     """The folders of sequences by name. A folder with an image 1 is a sequence itself, whatever it is called."""
     if any((root / f"1{suffix}").is_file() for suffix in SUFFIXES):
         return {root.resolve().name: root}
-    folders = sorted(p for p in root.iterdir() if p.is_dir()) if root.is_dir() else []
+    folders = list_folders(root) if root.is_dir() else []
     found = {p.name: p for p in folders if p.name.startswith(tuple(PREFIX.values()))}
     if not found:
         raise wrong_layout(f"HPatches sequence {root / 'v_*'}", root, LAYOUT)
@@ -216,3 +217,21 @@ def _sees(H: FloatArray, size0: tuple[int, int], size1: tuple[int, int]) -> bool
     moved = apply_homography(H, np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
     with np.errstate(invalid="ignore"):
         return bool(((moved >= 0) & (moved <= np.array(size1) - 1)).all(1).any())
+
+
+def _one_homography_or_image(folder: Path) -> str | None:
+    """The sign: homographies; or, in a folder named like a sequence, its first image or the patches (another download)."""
+    named = folder.name.startswith(tuple(PREFIX.values()))
+    return any_of("H_1_[2-6]", *(("1.ppm", "e1.png") if named else ()))(folder)
+
+
+SPEC = DatasetSpec(
+    kind="hpatches",
+    title="HPatches sequences",
+    loader=hpatches,
+    signs=(_one_homography_or_image,),
+    family=True,
+    has=("homographies",),
+    inliers=("homography",),  # images in no order can't be tracked
+    keys=("datamodule.val_fraction=0.34",),  # 15% of six images are none
+)

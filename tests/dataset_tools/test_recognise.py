@@ -33,18 +33,20 @@ def lay_out(root: Path, files: list[str]) -> Path:
 @pytest.mark.parametrize("kind", LAYOUTS)
 def test_each_layout_is_known_by_its_files(tmp_path, kind):
     found = recognise(lay_out(tmp_path / "some", LAYOUTS[kind]))
-    assert [d.kind for d in found] == [kind]
+    assert [d.spec.kind for d in found] == [kind]
 
 
 def test_the_data_sets_of_a_folder_of_data_sets(tmp_path):
     for kind in ("euroc", "hpatches", "rgbd", "video"):
         lay_out(tmp_path / kind, LAYOUTS[kind])
-    assert {d.path.name: d.kind for d in recognise(tmp_path)} == {k: k for k in ("euroc", "hpatches", "rgbd", "video")}
+    assert {d.path.name: d.spec.kind for d in recognise(tmp_path)} == {
+        k: k for k in ("euroc", "hpatches", "rgbd", "video")
+    }
 
 
 def test_rgbd_as_plain_folders(tmp_path):
     root = lay_out(tmp_path, ["color/1.png", "depth/1.png", "poses.txt", "cam.json"])
-    assert [d.kind for d in recognise(root)] == ["rgbd"]
+    assert [d.spec.kind for d in recognise(root)] == ["rgbd"]
 
 
 HALVES = {
@@ -70,7 +72,7 @@ HALVES = {
 @pytest.mark.parametrize(("kind", "files"), [(kind, half) for kind, halves in HALVES.items() for half in halves])
 def test_half_of_a_data_set_is_known_for_what_it_is(tmp_path, kind, files):
     (dataset,) = recognise(lay_out(tmp_path / "some", files))
-    assert dataset.kind == kind
+    assert dataset.spec.kind == kind
     with pytest.raises(BadInputError):  # and its loader says what is missing
         dataset.sequences()
 
@@ -106,7 +108,7 @@ def test_a_path_that_does_not_exist(tmp_path):
 
 @pytest.mark.shared_data
 def test_every_folder_of_the_shared_data(shared_data):
-    found = {d.path.name: d.kind for d in recognise(shared_data)}
+    found = {d.path.name: d.spec.kind for d in recognise(shared_data)}
     assert found == {
         "boofcv": "video",
         "boofcv_driving_snow": "folder",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from euroc_files import LENSES, START, STEP, T_BODY_CAMERA, body_pose, make_euroc
 
-from sips_lit.datasets.asl import read_sensor, read_timed_images, read_states
+from sips_lit.datasets.asl import read_sensor, read_states, read_timed_images
 from sips_lit.errors import BadInputError
 
 
