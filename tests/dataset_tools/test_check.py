@@ -203,6 +203,14 @@ def test_a_link_that_leads_nowhere_is_an_image_that_does_not_open(tmp_path):
     assert any("cannot read the image" in remark and "1.png" in remark for remark in remarks(report))
 
 
+@pytest.mark.parametrize("ordered", [True, False])
+def test_different_sizes_are_told_where_the_order_is_that_of_time(ordered):
+    sequence = ArraySequence([np.zeros((20, 30), np.uint8), np.zeros((40, 30), np.uint8)])
+    sequence.temporal = ordered
+    said = remarks(DataSetReport(DataSet(rgbd.SPEC, Path(), "a test"), [check_sequence(sequence)]))
+    assert any("images of 2 different sizes" in remark for remark in said) == ordered
+
+
 @pytest.mark.shared_data
 def test_the_drone_of_the_excerpt_stands_still(shared_data):
     (dataset,) = recognise(shared_data / "euroc_v1_01_excerpt")

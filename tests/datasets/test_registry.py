@@ -1,3 +1,4 @@
+import inspect
 import re
 from pathlib import Path
 
@@ -32,6 +33,8 @@ def test_the_yaml_is_of_the_loader_and_its_switches(kind):
     config = OmegaConf.load(CONF_DIR / "data" / f"{kind}.yaml")
     assert get_object(config._target_) is SPECS[kind].loader
     assert all(config[switch] is False for switch in SPECS[kind].switches)
+    arguments = {key: value for key, value in OmegaConf.to_container(config).items() if key != "_target_"}
+    assert set(inspect.signature(SPECS[kind].loader).bind(**arguments).arguments) == set(arguments)
 
 
 @pytest.mark.parametrize("kind", SPECS)
