@@ -130,6 +130,6 @@ def test_an_argument_called_sources_makes_no_mixture(monkeypatch):
     module = types.ModuleType("named_films")
     module.load = lambda sources: [flight(3, name=name) for name in sources]
     monkeypatch.setitem(sys.modules, "named_films", module)
-    for sources in ({"a": 1, "b": 2}, ["a", "b"]):
+    for sources in ({"a": 1, "b": 2}, {"a": {"length": 3}, "b": {"length": 4}}, ["a", "b"]):
         parts = recordings(OmegaConf.create({"_target_": "named_films.load", "sources": sources}))
         assert [part.where for part in parts] == ["a", "b"]

@@ -60,6 +60,17 @@ def test_a_pixel_without_depth_is_nan_also_where_images_are_shrunk(tmp_path):
         np.testing.assert_allclose(depth[half:], 2, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("lens", "max_side"), [(LENS, None), (None, 60), (LENS, 60)])
+def test_no_depth_between_foreground_and_background(tmp_path, lens, max_side):
+    frames = frames_in(tmp_path, lens)
+    stored = np.full(SIZE[::-1], 1000, np.uint16)
+    stored[:, 77:] = 3000
+    write_image(frames.depths[0], stored)
+    depth = RgbdSequence(tmp_path, "desk", frames, max_side).depth(0)
+    assert set(np.unique(depth)) == {1, 3}
+    assert np.mean(depth == 1) == pytest.approx(77 / 160, abs=0.03)
+
+
 @pytest.mark.parametrize("max_side", [None, 80])
 def test_a_bent_image_becomes_what_its_pinhole_camera_would_see(tmp_path, max_side):
     sequence = RgbdSequence(tmp_path, "desk", frames_in(tmp_path, LENS), max_side)
