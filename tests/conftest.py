@@ -1,6 +1,8 @@
+import sys
 from pathlib import Path
 
 import pytest
+from own_dataset import write_package
 from textured_scenes import ArraySequence, flight
 
 
@@ -8,6 +10,18 @@ from textured_scenes import ArraySequence, flight
 def short_flight() -> ArraySequence:
     """12 frames, 160 x 120, of a camera that moves and zooms over a plane: homographies are known."""
     return flight()
+
+
+@pytest.fixture
+def installed(tmp_path_factory, monkeypatch):
+    """``installed()`` puts the package of `own_dataset` onto the path, as pip would; gone after the test."""
+
+    def install(**options: str) -> None:
+        monkeypatch.syspath_prepend(write_package(tmp_path_factory.mktemp("site-packages"), **options))
+
+    yield install
+    for name in [name for name in sys.modules if name.split(".")[0] == "walks"]:
+        del sys.modules[name]
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,6 @@ from sips_lit.dataset_tools.recognise import DataSet, recognise
 from sips_lit.dataset_tools.stats import GAPS, SequenceStats, draw_stats, sequence_stats
 from sips_lit.dataset_tools.unpack import unpack
 from sips_lit.errors import BadInputError
-from sips_lit.frames.video import video
 from sips_lit.pairs.build import build_indexes, unreadable_frames
 from sips_lit.pairs.overlap import OverlapParameters
 from sips_lit.types import ImageSequence
@@ -44,7 +43,7 @@ def check_command(args: argparse.Namespace) -> int:
 def describe(report: DataSetReport) -> str:
     """A report in words: the data set, a table of its sequences, what to know, and how to use it."""
     dataset = report.dataset
-    lines = [f"{dataset.path}: {dataset.title} (known by {dataset.sign}), {report.bytes / 1e6:,.1f} MB"]
+    lines = [f"{dataset.path}: {dataset.spec.title} (known by {dataset.sign}), {report.bytes / 1e6:,.1f} MB"]
     if report.sequences:
         table = tabulate(
             [sequence_row(s) for s in report.sequences[:SHOWN]],
@@ -66,10 +65,10 @@ def describe(report: DataSetReport) -> str:
 
 def how_to_use(dataset: DataSet) -> str:
     """The command that trains on a data set."""
+    spec = dataset.spec
     options = [f"data.{key}={str(value).lower()}" for key, value in dataset.options.items()]
-    if dataset.kind == "hpatches":  # images in no order can't be tracked, and of six 15% are none
-        options += ["inliers=homography", "datamodule.val_fraction=0.34"]
-    return " ".join([f"use: sips-train data={dataset.kind} data.path={dataset.path}", *options])
+    inliers = [] if "klt" in spec.inliers else [f"inliers={spec.inliers[0]}"]
+    return " ".join([f"use: sips-train data={spec.kind} data.path={dataset.path}", *options, *inliers, *spec.keys])
 
 
 def sequence_row(sequence: SequenceReport) -> list[str]:
@@ -102,7 +101,7 @@ def stats_command(args: argparse.Namespace) -> int:
 
 def open_sequences(dataset: DataSet, cache: Path) -> list[ImageSequence]:
     """The sequences of a data set; videos are decoded into the cache."""
-    return list(video(dataset.path, cache / "frames") if dataset.kind == "video" else dataset.sequences())
+    return dataset.sequences(**({"cache_dir": cache / "frames"} if dataset.spec.videos else {}))
 
 
 def stats_table(stats: Sequence[SequenceStats]) -> str:
@@ -166,14 +165,15 @@ def download(offer: Offer, output: Path, yes: bool, ask: Callable[[str], str] = 
         print(f"{file.name}: {checked}; {unpack(archive, folder)} files unpacked")
         done.touch()
         archive.unlink()
-    print(f"use: sips-train data={offer.data} data.path={folder / offer.path}")
+    for dataset in recognise(folder / offer.path):
+        print(how_to_use(dataset))
     return 0
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     top = argparse.ArgumentParser(
-        prog="sips-data", description="Styles at data sets, measures their motion, fetches them."
+        prog="sips-data", description="Looks at data sets, measures their motion, fetches them."
     )
     commands = top.add_subparsers(required=True, metavar="check | stats | download")
     cache = Path(os.environ.get("SIPS_LIT_DATA", "data"))

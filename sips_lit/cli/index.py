@@ -6,19 +6,20 @@ import time
 from functools import partial
 from pathlib import Path
 
+from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 from tabulate import tabulate
 
 from sips_lit.cli.app import build, run
 from sips_lit.errors import BadInputError
+from sips_lit.frames.recording import Recording
 from sips_lit.frames.source import as_sources
 from sips_lit.pairs.index_run import IndexedSequence, index_recordings
 from sips_lit.pairs.index_summary import ShareSummary
-from sips_lit.pairs.shards import Recording, share
+from sips_lit.pairs.shards import share
 
 SAVE_EVERY = 30.0  # seconds between two summaries of a run that goes on
 SHOWN = 40  # lines of a table that a terminal can show
-VIDEO, MIXTURE = "sips_lit.frames.video.video", "sips_lit.frames.source.mixture"
 
 
 def index(config: DictConfig) -> None:
@@ -51,18 +52,26 @@ def index(config: DictConfig) -> None:
 
 
 def recordings(data: DictConfig) -> list[Recording]:
-    """The parts of a data set, or of all those of a mixture: videos as files, so that none is decoded before its turn;
-    else sequences.
+    """The parts of a data set, or of all those of a mixture: what its loader lists as recordings, so that no video is
+    decoded before its turn; else sequences.
     """
-    if data.get("_target_") == MIXTURE:
+    if is_mixture(data):
         return [part for source in data.sources.values() if source is not None for part in recordings(source.sequences)]
-    if data.get("_target_") == VIDEO:
-        files = build(data, _target_=f"{VIDEO}_files")
-        return [Recording(str(video.file), video.shots) for video in files]
+    target = data.get("_target_")
+    if target and hasattr(get_object(target), "recordings"):
+        listed: list[Recording] = build(data, _target_=f"{target}.recordings")
+        return listed
     sequences = [sequence for source in as_sources(build(data)) for sequence in source.sequences]
     path = data.get("path")
     place = f"{Path(path).absolute()}:" if isinstance(path, str) else ""
     return [Recording(f"{place}{sequence.name}", partial(list, [sequence])) for sequence in sequences]
+
+
+def is_mixture(data: DictConfig) -> bool:
+    """Whether the data has sources, each with ``sequences`` that are a data set; one set to null is left out."""
+    sources = data.get("sources")
+    parts = [source for source in sources.values() if source is not None] if isinstance(sources, DictConfig) else []
+    return bool(parts) and all(isinstance(part, DictConfig) and "sequences" in part for part in parts)
 
 
 def report(rows: list[IndexedSequence], overlap: float) -> str:

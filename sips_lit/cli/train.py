@@ -54,11 +54,15 @@ def train(config: DictConfig) -> float:
 
 def compare(config: DictConfig, checkpoint: Path) -> None:
     """Evaluates the checkpoint beside other detectors, by ``compare``, which has the keys of sips-benchmark."""
-    evaluation = OmegaConf.create(OmegaConf.to_container(config.compare, resolve=True))
-    assert isinstance(evaluation, DictConfig)
-    evaluation.checkpoint, evaluation.paths = str(checkpoint), OmegaConf.to_container(config.paths, resolve=True)
-    skipped: dict[str, str] = {}
-    run_evaluation(evaluation, make_methods(evaluation, told(skipped)), skipped, Path(config.paths.run) / "compare")
+    evaluation, skipped = comparison(config, checkpoint), dict[str, str]()
+    methods = make_methods(evaluation, told(skipped))
+    run_evaluation(evaluation, methods, skipped, Path(config.paths.run) / "compare")
+
+
+def comparison(config: DictConfig, checkpoint: Path) -> DictConfig:
+    """``compare`` as a configuration of its own, of this checkpoint."""
+    keys: Any = OmegaConf.to_container(config.compare, resolve=True)
+    return OmegaConf.create({**keys, "checkpoint": str(checkpoint), "paths": config.paths})
 
 
 def log_settings(trainer: L.Trainer, config: DictConfig) -> None:

@@ -13,40 +13,31 @@ import cv2
 import numpy as np
 
 from sips_lit.dataset_tools.recognise import DataSet
+from sips_lit.datasets.spec import Part
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.frames.video import find_videos
 from sips_lit.types import ImageSequence
 
 STILL_METRES = 0.05  # a camera whose whole path is shorter stands still
 STILL_DEGREES = 2.0
 TIME_NAME = re.compile(r"\d{9,}\.\d+")  # seconds since 1970, as in TUM RGB-D
-PARTS = ("right images", "intrinsics", "poses", "depth", "times", "homographies")
-# what each kind of data can have; what it lacks of these is worth telling
-EXPECTED = {
-    "kitti": ("right images", "intrinsics", "poses", "times"),
-    "posed_depth": ("intrinsics", "poses", "depth"),
-    "euroc": ("right images", "intrinsics", "poses", "times"),
-    "tum_mono": ("times",),
-    "robotcar": ("times",),
-    "hpatches": ("homographies",),
-    "rgbd": ("intrinsics", "poses", "depth"),
-}
 
 
 @dataclass(slots=True)
 class SequenceReport:
-    """What was found in one sequence: ``parts`` counts the frames that have each of `PARTS`.
+    """What was found in one sequence: ``parts`` counts the frames that have each `Part`.
 
-    ``sizes`` (W, H) of the frames that open and how many have each; ``rate`` in frames per second, None if unknown;
-    ``unreadable``: one sentence for each file that does not open; ``path_metres`` and ``turn_degrees``: how far the camera
-    moves and turns by its poses, None without; ``depth_known``: fraction of the pixels of each depth map that have a depth.
+    ``temporal``: whether the frames are in the order of time; ``sizes`` (W, H) of the frames that open and how many have
+    each; ``rate`` in frames per second, None if unknown; ``unreadable``: one sentence for each file that does not open;
+    ``path_metres`` and ``turn_degrees``: how far the camera moves and turns by its poses, None without; ``depth_known``:
+    fraction of the pixels of each depth map that have a depth.
     """
 
     name: str
     frames: int = 0
+    temporal: bool = True
     sizes: Counter[tuple[int, int]] = field(default_factory=Counter)
-    parts: Counter[str] = field(default_factory=Counter)
+    parts: Counter[Part] = field(default_factory=Counter)
     rate: float | None = None
     unreadable: list[str] = field(default_factory=list)
     path_metres: float | None = None
@@ -77,14 +68,14 @@ def check(dataset: DataSet, advance: Callable[[int], object] = lambda frames: No
     """Opens every file of a data set; ``advance`` is told of each frame."""
     report = DataSetReport(dataset, links=links_out(dataset.path), bytes=size_on_disk(dataset.path))
     try:
-        if dataset.kind == "video":
-            report.sequences = [check_video(file, advance) for file in find_videos(dataset.path)]
+        if dataset.spec.videos:
+            report.sequences = [check_video(file, advance) for file in dataset.spec.videos(dataset.path)]
         else:
             sequences, report.problems = open_parts(dataset)
             report.sequences = [check_sequence(sequence, advance) for sequence in sequences]
     except BadInputError as error:
         report.problems.append(str(error))
-    report.problems += calibration_problems(dataset) if dataset.kind == "tum_mono" else []
+    report.problems += switch_problems(dataset) if dataset.spec.switches else []
     return report
 
 
@@ -103,26 +94,26 @@ def open_parts(dataset: DataSet) -> tuple[list[ImageSequence], list[str]]:
         return opened, problems or [str(error)]
 
 
-def calibration_problems(dataset: DataSet) -> list[str]:
-    """What of the calibration of TUM mono is missing or damaged; images are read without it."""
+def switch_problems(dataset: DataSet) -> list[str]:
+    """What is missing or damaged that only a switch of the loader needs, such as a calibration."""
     problems = []
     for part in dataset.parts or (dataset.path,):
-        for option in ("geometric", "photometric"):
+        for switch in dataset.spec.switches:
             try:
                 dataset.sequences(part)
             except BadInputError:
                 break  # that is told already
             try:
-                dataset.sequences(part, **{option: True})
+                dataset.sequences(part, **{switch: True})
             except BadInputError as error:
-                problems.append(f"{error} (only data.{option}=true needs it)")
+                problems.append(f"{error} (only data.{switch}=true needs it)")
                 break
     return problems
 
 
 def check_sequence(sequence: ImageSequence, advance: Callable[[int], object] = lambda frames: None) -> SequenceReport:
     """Reads all frames, right images and depth maps of a sequence."""
-    report = SequenceReport(sequence.name, frames=len(sequence))
+    report = SequenceReport(sequence.name, len(sequence), sequence.temporal)
     for index in range(len(sequence)):
         try:
             height, width = sequence.frame(index).shape
@@ -139,7 +130,7 @@ def check_sequence(sequence: ImageSequence, advance: Callable[[int], object] = l
     return report
 
 
-def _parts(sequence: ImageSequence, index: int) -> dict[str, Any]:
+def _parts(sequence: ImageSequence, index: int) -> dict[Part, Any]:
     return {
         "right images": sequence.right(index),
         "intrinsics": sequence.camera(index),
@@ -216,14 +207,14 @@ def size_on_disk(path: Path) -> int:
 
 def remarks(report: DataSetReport) -> list[str]:
     """What a user should know of a data set before using it, a sentence each."""
-    said = list(report.problems)
+    said, spec = list(report.problems), report.dataset.spec
     if report.links:
         said.append(f"{len(report.links)} links lead out of the folder, or nowhere; the first: {report.links[0]}")
     for sequence in report.sequences:
         said += sequence.unreadable[:3]
         if len(sequence.unreadable) > 3:
             said.append(f"{sequence.name}: {len(sequence.unreadable) - 3} more files do not open")
-        for part in EXPECTED.get(report.dataset.kind, ()):
+        for part in spec.has:
             lacking = sequence.frames - len(sequence.unreadable) - sequence.parts[part]
             if lacking > 0:
                 count = "no" if not sequence.parts[part] else f"{lacking} frames without"
@@ -237,9 +228,12 @@ def remarks(report: DataSetReport) -> list[str]:
                 f"{sequence.name}: the camera stands still (at most {sequence.path_metres:.3f} m and "
                 f"{sequence.turn_degrees:.1f} degrees): good to try loaders and stereo with, of no use to train on"
             )
-        if len(sequence.sizes) > 1 and report.dataset.kind not in ("hpatches",):
+        if len(sequence.sizes) > 1 and sequence.temporal:
             said.append(f"{sequence.name}: images of {len(sequence.sizes)} different sizes")
-    if report.dataset.kind in ("folder", "video") and report.whole:
+    complete = all(s.parts[part] == s.frames for s in report.sequences for part in spec.has)
+    if report.whole and complete and len(spec.inliers) > 1:
+        said.append(f"inliers={', '.join(spec.inliers[:-1])} or {spec.inliers[-1]} labels and verifies its pairs")
+    if report.whole and not spec.has:
         said.append("images alone, without poses or depth: inliers=klt labels and verifies them")
     return said
 

@@ -41,12 +41,11 @@ class RemoteFile:
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A data set that can be fetched: after unpacking, ``data=`` is its kind and ``path`` where it lies in its folder."""
+    """A data set that can be fetched; after unpacking, it lies at ``path`` in its folder."""
 
     name: str
     title: str
     page: str
-    data: str
     path: str
     files: tuple[RemoteFile, ...]
 
@@ -60,7 +59,7 @@ def read_catalogue(path: Path = CATALOGUE) -> dict[str, Offer]:
     """What can be fetched, by name."""
     entries: Mapping[str, Any] = yaml.safe_load(path.read_text())
     return {
-        name: Offer(name, e["title"], e["page"], e["data"], e["path"], tuple(RemoteFile(**f) for f in e["files"]))
+        name: Offer(name, e["title"], e["page"], e["path"], tuple(RemoteFile(**f) for f in e["files"]))
         for name, e in entries.items()
     }
 

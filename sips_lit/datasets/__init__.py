@@ -1,1 +1,1 @@
-"""One published data set a file."""
+"""One published data set a file, each with its ``SPEC``."""

@@ -22,7 +22,7 @@ LAYOUT = (
 
 
 @dataclass(frozen=True, slots=True)
-class Shots:
+class TimedImages:
     """The images of one camera: ``times`` (N,) int64 nanoseconds, ascending, and ``files``."""
 
     times: NDArray[np.int64]
@@ -62,7 +62,7 @@ def read_sensor(file: Path) -> tuple[LensCamera, NDArray[np.float64]]:
     return LensCamera(matrix, distortion, (int(width), int(height))), T
 
 
-def read_shots(camera: Path) -> Shots:
+def read_timed_images(camera: Path) -> TimedImages:
     """The images that a camera's data.csv lists. Raises BadInputError when some are not there, or not in order of time."""
     table = expect(camera / "data.csv", LAYOUT)
     times: list[int] = []
@@ -82,7 +82,7 @@ def read_shots(camera: Path) -> Shots:
         )
     if len(files) < 2:
         raise BadInputError(f"{table} lists {len(files)} images: a sequence needs two or more")
-    return Shots(np.array(times, np.int64), files)
+    return TimedImages(np.array(times, np.int64), files)
 
 
 def read_states(file: Path) -> States:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.asl import LAYOUT, Shots, read_sensor, read_shots, read_states
+from sips_lit.datasets.asl import LAYOUT, TimedImages, read_sensor, read_states, read_timed_images
 from sips_lit.datasets.association import nearest_in_time
 from sips_lit.datasets.layout import files_fingerprint, wrong_layout
+from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.image_cache import image_cache
@@ -40,12 +41,12 @@ class EurocSequence(ImageSequence):
         max_side: int | None,
         cache_dir: str | Path | None = None,
     ) -> None:
-        self.name, self.max_side, self._shots = safe_name(name), max_side, read_shots(mav0 / "cam0")
+        self.name, self.max_side, self._left = safe_name(name), max_side, read_timed_images(mav0 / "cam0")
         lens, T_body_camera = read_sensor(mav0 / "cam0" / "sensor.yaml")
         self.size = lens.size  # as stored
-        files = [mav0 / "cam0" / "sensor.yaml", mav0 / "cam0" / "data.csv", *self._shots.files]
+        files = [mav0 / "cam0" / "sensor.yaml", mav0 / "cam0" / "data.csv", *self._left.files]
         self._rectifier: Rectifier | None = None
-        self._right: Shots | None = None
+        self._right: TimedImages | None = None
         self._baseline: float | None = None
         if rectify and (mav0 / "cam1").is_dir():
             right_lens, T_body_right = read_sensor(mav0 / "cam1" / "sensor.yaml")
@@ -55,14 +56,14 @@ class EurocSequence(ImageSequence):
                 )
             T_right_camera = np.linalg.inv(T_body_right) @ T_body_camera
             self._rectifier, self._right_rectifier, self._baseline = rectify_stereo(lens, right_lens, T_right_camera)
-            self._right = read_shots(mav0 / "cam1")
-            self._partner = nearest_in_time(self._shots.times, self._right.times, NANOSECONDS * tolerance)
+            self._right = read_timed_images(mav0 / "cam1")
+            self._partner = nearest_in_time(self._left.times, self._right.times, NANOSECONDS * tolerance)
             self._warn_of(self._partner, "right image", tolerance)
             files += [mav0 / "cam1" / "sensor.yaml", mav0 / "cam1" / "data.csv", *self._right.files]
         elif rectify:
             self._rectifier = rectify_mono(lens)
         truth = mav0 / "state_groundtruth_estimate0" / "data.csv"
-        self._poses: list[NDArray[np.float64] | None] = [None] * len(self._shots.files)
+        self._poses: list[NDArray[np.float64] | None] = [None] * len(self._left.files)
         if truth.exists():
             files.append(truth)
             self._poses = self._poses_from(truth, T_body_camera, tolerance)
@@ -70,16 +71,16 @@ class EurocSequence(ImageSequence):
         self._kept = image_cache(cache_dir if rectify else None, self.name, self.fingerprint)
 
     def __len__(self) -> int:
-        return len(self._shots.files)
+        return len(self._left.files)
 
     def frame(self, index: int) -> GreyImage:
         """Image ``index`` of cam0. Raises BadInputError when it can't be read or its size is not that of sensor.yaml."""
-        file = self._shots.files[index]
+        file = self._left.files[index]
         return self._kept(f"cam0_{file.stem}", lambda: self._read(file, self._rectifier))
 
     def frame_name(self, index: int) -> str:
         """The sequence's name and the file's, which is its time."""
-        return f"{self.name}_{self._shots.files[index].stem}"
+        return f"{self.name}_{self._left.files[index].stem}"
 
     def camera(self, index: int) -> Camera | None:
         """The same for every frame; None if not rectified."""
@@ -104,7 +105,7 @@ class EurocSequence(ImageSequence):
 
     def time(self, index: int) -> float:
         """Seconds on the clock of the data set."""
-        return float(self._shots.times[index]) * 1e-9
+        return float(self._left.times[index]) * 1e-9
 
     def _read(self, file: Path, rectifier: Rectifier | None) -> GreyImage:
         image = read_grey(file)
@@ -117,9 +118,9 @@ class EurocSequence(ImageSequence):
     def _poses_from(self, truth: Path, T_body_camera: FloatArray, tolerance: float) -> list[NDArray[np.float64] | None]:
         """The pose of each frame from the state nearest in time, None where none is near."""
         states = read_states(truth)
-        index = nearest_in_time(self._shots.times, states.times, NANOSECONDS * tolerance)
+        index = nearest_in_time(self._left.times, states.times, NANOSECONDS * tolerance)
         if np.all(index < 0):
-            spans = [f"{t[0] * 1e-9:.3f} to {t[-1] * 1e-9:.3f} s" for t in (states.times, self._shots.times)]
+            spans = [f"{t[0] * 1e-9:.3f} to {t[-1] * 1e-9:.3f} s" for t in (states.times, self._left.times)]
             raise BadInputError(
                 f"{truth} is from {spans[0]} and the images of cam0 from {spans[1]}: the ground truth does not overlap in "
                 f"time within data.tolerance={tolerance:g} s, so it is of another sequence or clock"
@@ -163,8 +164,19 @@ def _sequence_folders(path: Path) -> dict[str, Path]:
     """The folders ``mav0`` by the names of their sequences."""
     if (path / "cam0").is_dir():
         return {path.parent.name: path}
-    for pattern in ("mav0", "*/mav0", "*/*/mav0"):  # a sequence; several; rooms of several
+    for pattern in ("mav0", "[!.]*/mav0", "[!.]*/[!.]*/mav0"):  # a sequence; several; rooms of several
         found = [mav0.parent for mav0 in sorted(path.glob(pattern)) if mav0.is_dir() and "__MACOSX" not in mav0.parts]
         if found:
             return {"_".join(folder.relative_to(path).parts) or path.name: folder / "mav0" for folder in found}
     raise wrong_layout(f"mav0 in {path} or in its folders", path, LAYOUT)
+
+
+SPEC = DatasetSpec(
+    kind="euroc",
+    title="EuRoC / ASL",
+    loader=euroc,
+    signs=(any_of("mav0/cam0/sensor.yaml", "mav0", "cam0/sensor.yaml", "cam0/data.csv"),),
+    family=True,
+    has=("right images", "intrinsics", "poses", "times"),
+    inliers=("klt", "stereo_p3p", "pose_depth"),
+)

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import expect, files_fingerprint, read_table, wrong_layout
+from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.datasets.split_lists import split_names
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.image_size import image_size
-from sips_lit.frames.images import check_max_side, read_grey, shrunk_size
+from sips_lit.frames.images import check_max_side, list_folders, read_grey, shrunk_size
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.geometry.resize import resize_map
 from sips_lit.types import FloatArray, GreyImage, ImageSequence
@@ -34,10 +35,10 @@ LARGEST_CONDITION = 1e6  # of a homography between unit squares
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class ResizedImage:
     """One image as it is read: ``file``, resized from ``stored`` to ``size`` (both (W, H), None if it can't be read).
 
-    ``from_first`` (3, 3) maps pixels of image 1, as stored, to pixels of this view.
+    ``from_first`` (3, 3) maps pixels of image 1, as stored, to pixels of this one, resized.
     """
 
     name: str
@@ -74,34 +75,34 @@ class HPatchesSequence(ImageSequence):
         planes = [np.eye(3)] + [
             _read_homography(file, stored[0], size) for file, size in zip(homographies, stored[1:], strict=True)
         ]
-        self.views = [
-            _view(f"{self.name}_{number}", file, size, plane, max_side, scale)
+        self.images = [
+            _resized_image(f"{self.name}_{number}", file, size, plane, max_side, scale)
             for scale in (None, *synthetic_scales)
             for number, file, size, plane in zip(IMAGES, files, stored, planes, strict=True)
         ]
 
     def __len__(self) -> int:
-        return len(self.views)
+        return len(self.images)
 
     def frame(self, index: int) -> GreyImage:
-        """View ``index``. Raises BadInputError when it can't be read."""
-        view = self.views[index]
-        size = view.size
-        if size is None or size == view.stored:  # without a size it can't be read, and that is what reading says
-            return read_grey(view.file)
-        return self._kept(view.name, lambda: _resized(view.file, size))
+        """Image ``index``, resized. Raises BadInputError when it can't be read."""
+        image = self.images[index]
+        size = image.size
+        if size is None or size == image.stored:  # without a size it can't be read, and that is what reading says
+            return read_grey(image.file)
+        return self._kept(image.name, lambda: _read_resized(image.file, size))
 
     def frame_name(self, index: int) -> str:
         """Such as v_churchill_1, and v_churchill_1_x0.5 for a copy."""
-        return self.views[index].name
+        return self.images[index].name
 
     def homography(self, index0: int, index1: int) -> NDArray[np.float64]:
-        """(3, 3) float64 from pixels of one view to pixels of another, if both can be read."""
-        H: NDArray[np.float64] = self.views[index1].from_first @ np.linalg.inv(self.views[index0].from_first)
+        """(3, 3) float64 from pixels of one image to pixels of another, if both can be read."""
+        H: NDArray[np.float64] = self.images[index1].from_first @ np.linalg.inv(self.images[index0].from_first)
         return H
 
 
-def _resized(file: Path, size: tuple[int, int]) -> GreyImage:
+def _read_resized(file: Path, size: tuple[int, int]) -> GreyImage:
     image = read_grey(file)
     method = cv2.INTER_AREA if max(size) < max(image.shape) else cv2.INTER_CUBIC
     return np.asarray(cv2.resize(image, size, interpolation=method), np.uint8)
@@ -150,7 +151,7 @@ def _find(root: Path) -> dict[str, Path]:
     """The folders of sequences by name. A folder with an image 1 is a sequence itself, whatever it is called."""
     if any((root / f"1{suffix}").is_file() for suffix in SUFFIXES):
         return {root.resolve().name: root}
-    folders = sorted(p for p in root.iterdir() if p.is_dir()) if root.is_dir() else []
+    folders = list_folders(root) if root.is_dir() else []
     found = {p.name: p for p in folders if p.name.startswith(tuple(PREFIX.values()))}
     if not found:
         raise wrong_layout(f"HPatches sequence {root / 'v_*'}", root, LAYOUT)
@@ -179,16 +180,16 @@ def _check_scales(scales: Sequence[float]) -> None:
         )
 
 
-def _view(
+def _resized_image(
     name: str, file: Path, stored: tuple[int, int] | None, plane: FloatArray, max_side: int | None, scale: float | None
-) -> View:
+) -> ResizedImage:
     name = name if scale is None else f"{name}_x{scale:g}"
     if stored is None:
-        return View(name, file, None, None, plane)
+        return ResizedImage(name, file, None, None, plane)
     size = shrunk_size(stored, max_side)
     if scale is not None:
         size = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
-    return View(name, file, stored, size, resize_map(stored, size) @ plane)
+    return ResizedImage(name, file, stored, size, resize_map(stored, size) @ plane)
 
 
 def _read_homography(file: Path, size0: tuple[int, int] | None, size1: tuple[int, int] | None) -> NDArray[np.float64]:
@@ -216,3 +217,21 @@ def _sees(H: FloatArray, size0: tuple[int, int], size1: tuple[int, int]) -> bool
     moved = apply_homography(H, np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
     with np.errstate(invalid="ignore"):
         return bool(((moved >= 0) & (moved <= np.array(size1) - 1)).all(1).any())
+
+
+def _one_homography_or_image(folder: Path) -> str | None:
+    """The sign: homographies; or, in a folder named like a sequence, its first image or the patches (another download)."""
+    named = folder.name.startswith(tuple(PREFIX.values()))
+    return any_of("H_1_[2-6]", *(("1.ppm", "e1.png") if named else ()))(folder)
+
+
+SPEC = DatasetSpec(
+    kind="hpatches",
+    title="HPatches sequences",
+    loader=hpatches,
+    signs=(_one_homography_or_image,),
+    family=True,
+    has=("homographies",),
+    inliers=("homography",),  # images in no order can't be tracked
+    keys=("datamodule.val_fraction=0.34",),  # 15% of six images are none
+)

@@ -18,6 +18,7 @@ from sips_lit.datasets.layout import (
     to_numbers,
     wrong_layout,
 )
+from sips_lit.datasets.spec import DatasetSpec, any_of, at_least
 from sips_lit.datasets.split_lists import split_names
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
@@ -30,6 +31,7 @@ LAYOUT = (
     "the layout of KITTI odometry is sequences/00/ with calib.txt and image_0/000000.png, image_1/000000.png, ... "
     "and, where they are published, times.txt and poses/00.txt beside sequences/"
 )
+PLACES = ("sequences/[0-9][0-9]/", "dataset/sequences/[0-9][0-9]/", "[0-9][0-9]/")  # of its sequences
 log = logging.getLogger(__name__)
 
 
@@ -187,11 +189,15 @@ def _sequence_folders(path: Path) -> dict[str, Path]:
     """The sequences by name; ``path`` is any folder from the one above ``dataset`` down to a sequence."""
     if (path / "calib.txt").exists() or any((path / f"image_{camera}").is_dir() for camera in range(4)):
         return {path.resolve().name: path.resolve()}
-    for folder in (path / "sequences", path / "dataset" / "sequences", path):
-        found = sorted(sub for sub in folder.glob("[0-9][0-9]") if sub.is_dir())
-        if found:
-            return {sub.name: sub for sub in found}
-    raise wrong_layout(f"sequence in {path}", path, LAYOUT)
+    found = _sequences_below(path)
+    if not found:
+        raise wrong_layout(f"sequence in {path}", path, LAYOUT)
+    return {folder.name: folder for folder in found}
+
+
+def _sequences_below(path: Path) -> tuple[Path, ...]:
+    found = (tuple(sorted(sub for sub in path.glob(place) if sub.is_dir())) for place in PLACES)
+    return next(filter(None, found), ())
 
 
 def _images(folder: Path, number: int) -> list[Path]:
@@ -223,3 +229,27 @@ def _number(file: Path) -> int:
     if not file.stem.isdecimal():
         raise BadInputError(f"{file} is not named by its number, as 000000.png is: {LAYOUT}")
     return int(file.stem)
+
+
+def _colour_alone(path: Path) -> dict[str, bool]:
+    grey, colour = (any_of(*(f"{place}image_{n}/*.png" for place in ("", *PLACES)))(path) for n in (0, 2))
+    return {"colour": True} if colour and not grey else {}
+
+
+SPEC = DatasetSpec(
+    kind="kitti",
+    title="KITTI odometry",
+    loader=kitti,
+    signs=(
+        at_least(2, "image_0", "image_1", "image_2", "image_3", "calib.txt"),
+        any_of(
+            *(f"{place}{part}" for place in PLACES for part in ("image_[0-3]", "calib.txt")),
+            *PLACES[:2],
+            "poses/[0-9][0-9].txt",
+        ),
+    ),
+    options=_colour_alone,
+    parts=_sequences_below,
+    has=("right images", "intrinsics", "poses", "times"),
+    inliers=("klt", "stereo_p3p", "pose_depth"),
+)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import expect, files_fingerprint, read_pose_rows, read_table, wrong_layout
+from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
 from sips_lit.frames.folder import FolderSequence
 from sips_lit.frames.images import list_images
@@ -104,3 +105,13 @@ def _archive(folder: Path) -> Path:
     if len(archives) > 1:
         raise BadInputError(f"{folder} has {archives[0].name} and {archives[1].name}: keep one archive of depth there")
     return archives[0]
+
+
+SPEC = DatasetSpec(
+    kind="posed_depth",
+    title="KITTI raw with poses and depth",
+    loader=posed_depth,
+    signs=(at_least(2, "poses.txt", "cam.txt", "depth_*.npz"),),
+    has=("intrinsics", "poses", "depth"),
+    inliers=("klt", "pose_depth"),
+)

@@ -13,9 +13,10 @@ import numpy as np
 
 from sips_lit.datasets.layout import describe_place, expect, read_pose_rows, wrong_layout
 from sips_lit.datasets.rgbd_sequence import RgbdFrames, RgbdSequence
+from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.datasets.tum_rgbd import read_tum
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import check_max_side, list_images
+from sips_lit.frames.images import check_max_side, list_folders, list_images
 from sips_lit.types import Camera, ImageSequence
 
 LAYOUT = (
@@ -46,7 +47,7 @@ def rgbd(
     if _is_sequence(root):
         folders = {root.resolve().name: root}
     else:
-        below = sorted(p for p in root.iterdir() if p.is_dir()) if root.is_dir() else []
+        below = list_folders(root) if root.is_dir() else []
         folders = {f"{root.resolve().name}_{p.name}": p for p in below if _is_sequence(p)}
     if not folders:
         raise BadInputError(f"there is no RGB-D sequence at {root}: {describe_place(root)}; {LAYOUT}")
@@ -139,3 +140,17 @@ def _without_incomplete(folder: Path, frames: RgbdFrames, drop: bool) -> RgbdFra
         poses=[frames.poses[i] for i in kept],
         times=None if frames.times is None else [frames.times[i] for i in kept],
     )
+
+
+SPEC = DatasetSpec(
+    kind="rgbd",
+    title="RGB-D with poses",
+    loader=rgbd,
+    signs=(
+        at_least(2, "color", "depth", "poses.txt", "cam.json"),
+        at_least(2, "rgb.txt", "depth.txt", "groundtruth.txt"),
+    ),
+    family=True,
+    has=("intrinsics", "poses", "depth"),
+    inliers=("klt", "stereo_p3p", "pose_depth"),
+)

@@ -15,10 +15,11 @@ import cv2
 import numpy as np
 
 from sips_lit.datasets.layout import describe_place, files_fingerprint, read_rows, wrong_layout
+from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.datasets.split_lists import only_split
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.frames.images import check_max_side, read_stored, resize_max_side
+from sips_lit.frames.images import check_max_side, list_folders, read_stored, resize_max_side
 from sips_lit.types import GreyImage, ImageSequence
 
 # the pattern begins with the pixels of the first row; OpenCV's older names begin elsewhere
@@ -30,6 +31,7 @@ BAYER = {
     "mono_rear": cv2.COLOR_BayerRGGB2GRAY,
     "mono_right": cv2.COLOR_BayerRGGB2GRAY,
 }
+CAMERAS = sorted(BAYER, key=lambda camera: camera != "stereo/centre")  # the loader's own choice first
 LONGEST_GAP = 1_000_000  # microseconds between two frames of one sequence
 DATE = re.compile(r"\d{4}(-\d\d){5}")
 LAYOUT = (
@@ -148,7 +150,8 @@ def read_timestamps(file: Path) -> list[int]:
 def _find_runs(path: Path, camera: str) -> dict[str, list[Path]]:
     """By date the folders of runs that have images of the camera: several where archives were unpacked side by side."""
     # a link may bear the date, or what it leads to
-    places = {path.absolute(), path.resolve(), *path.absolute().glob("*"), *path.absolute().glob("*/*")}
+    below = list_folders(path.absolute()) if path.is_dir() else []
+    places = {path.absolute(), path.resolve(), *below, *(folder for sub in below for folder in list_folders(sub))}
     runs: dict[str, list[Path]] = {}
     for place in sorted(places):
         if DATE.fullmatch(place.name) and (place / camera).is_dir():
@@ -195,3 +198,19 @@ def _timestamps(folder: Path, camera: str) -> Iterator[int]:
             f"there is no {file}, which every archive of the camera has: {describe_place(folder)}; {LAYOUT}"
         )
     yield from read_timestamps(file)
+
+
+def _camera_there(path: Path) -> dict[str, str]:
+    camera = any_of(*CAMERAS)(path)
+    return {} if camera in (None, CAMERAS[0]) else {"camera": str(camera)}
+
+
+SPEC = DatasetSpec(
+    kind="robotcar",
+    title="Oxford RobotCar",
+    loader=robotcar,
+    signs=(any_of(*CAMERAS, "stereo.timestamps", "mono_*.timestamps"),),
+    options=_camera_there,
+    family=True,
+    has=("times",),
+)

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from sips_lit.datasets.camera_file import read_fov_camera, read_rectified_camera
 from sips_lit.datasets.layout import describe_place, expect, files_fingerprint, read_rows, to_numbers
 from sips_lit.datasets.photometric import PhotometricCorrection, read_inverse_response, read_vignette
+from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.datasets.split_lists import only_split
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
 from sips_lit.frames.image_cache import image_cache
-from sips_lit.frames.images import check_max_side, list_images, resize_max_side, shrunk_size
+from sips_lit.frames.images import check_max_side, list_folders, list_images, resize_max_side, shrunk_size
 from sips_lit.frames.zip_images import ZipSequence
 from sips_lit.geometry.fov_camera import FovCamera, Rectification
 from sips_lit.geometry.resize import resize_camera
@@ -168,8 +169,19 @@ def _sequence_folders(path: Path) -> dict[str, Path]:
     parts = ("images.zip", "images", "camera.txt", "times.txt")
     if any((path / part).exists() for part in parts):
         return {path.resolve().name: path.resolve()}
-    folders = sorted(path.iterdir()) if path.is_dir() else []
+    folders = list_folders(path) if path.is_dir() else []
     found = {sub.name: sub for sub in folders if any((sub / part).exists() for part in parts)}
     if not found:
         raise BadInputError(f"there is no sequence in {path}: {describe_place(path)}; {LAYOUT}")
     return found
+
+
+SPEC = DatasetSpec(
+    kind="tum_mono",
+    title="TUM mono",
+    loader=tum_mono,
+    signs=(at_least(2, "images.zip", "images", "times.txt", "camera.txt", "pcalib.txt", "vignette.png"),),
+    family=True,
+    has=("times",),
+    switches=("geometric", "photometric"),
+)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.frames.images import check_max_side, list_images, read_grey, resize_max_side
+from sips_lit.frames.images import check_max_side, list_folders, list_images, read_grey, resize_max_side
 from sips_lit.types import GreyImage, ImageSequence
 
 
@@ -98,7 +98,7 @@ def _sequences(root: Path, max_side: int | None) -> list[ImageSequence]:
     files = list_images(root)
     if files:
         return [_sequence(root, files, max_side, root.resolve().name)]
-    subfolders = [(sub, list_images(sub)) for sub in sorted(p for p in root.iterdir() if p.is_dir())]
+    subfolders = [(sub, list_images(sub)) for sub in list_folders(root)]
     sequences = [_sequence(sub, own, max_side, f"{root.resolve().name}_{sub.name}") for sub, own in subfolders if own]
     if not sequences:
         raise BadInputError(f"the folder {root} has no images (.png, .jpg, ...), nor have its subfolders")

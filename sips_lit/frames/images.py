@@ -97,6 +97,11 @@ def list_images(folder: str | Path) -> list[Path]:
     return sorted((p for p in files if not p.is_dir()), key=lambda p: (natural(p.name), p.name))
 
 
+def list_folders(folder: str | Path) -> list[Path]:
+    """The folders in a folder, sorted; hidden ones are passed over."""
+    return sorted(p for p in Path(folder).iterdir() if p.is_dir() and not p.name.startswith("."))
+
+
 def natural(name: str) -> list[tuple[int, int, str]]:
     """A sort key in which runs of digits compare as numbers."""
     parts = re.split(r"(\d+)", name)

@@ -7,8 +7,8 @@ import hashlib
 import itertools
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from tqdm import tqdm
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name, write_whole
 from sips_lit.frames.images import resize_max_side
+from sips_lit.frames.recording import Recording, RecordingLoader
 from sips_lit.frames.shots import find_cuts
 from sips_lit.types import GreyImage, ImageSequence
 
@@ -55,60 +56,33 @@ class VideoShot(ImageSequence):
             raise _lost_cache(self.cache) from error
 
 
-@dataclass(frozen=True, slots=True)
-class VideoFile:
-    """A video by its ``name`` and how it is decoded; nothing of it is read before `shots`."""
-
-    file: Path
-    name: str
-    cache_dir: Path
-    parameters: Mapping[str, int | None]
-
-    def shots(self) -> list[ImageSequence]:
-        """Its shots of two frames or more. Raises BadInputError for a file without frames, and a disk that is too full."""
-        return _shots(self.file, self.name, self.cache_dir, dict(self.parameters))
-
-
+@RecordingLoader
 def video(
     path: str | Path | Sequence[str | Path],
     cache_dir: str | Path,
     max_side: int | None = 640,
     max_frames: int = 5000,
     stride: int = 1,
-) -> list[ImageSequence]:
-    """The shots of the videos that `find_videos` finds.
+) -> list[Recording]:
+    """The videos that `find_videos` finds, a recording each; calling ``video`` gives the shots of all.
 
     Every ``stride``-th frame is kept, at most ``max_frames`` of each video, shrunk to ``max_side`` pixels. Frames are
     decoded once into ``cache_dir``; an interrupted decoding goes on where it stopped, a changed video or parameter starts
     it anew. Shots of fewer than two frames are left out. Raises BadInputError for a missing file, one without frames, and
     a disk that is too full.
     """
-    files = video_files(path, cache_dir, max_side, max_frames, stride)
-    shots = [shot for file in files for shot in file.shots()]
-    if not shots:
-        raise BadInputError(f"{path} has no shot of two frames or more")
-    return shots
-
-
-def video_files(
-    path: str | Path | Sequence[str | Path],
-    cache_dir: str | Path,
-    max_side: int | None = 640,
-    max_frames: int = 5000,
-    stride: int = 1,
-) -> list[VideoFile]:
-    """The videos of `video` before any is decoded, each with a name of its own."""
     if max_frames < 2 or stride < 1 or (max_side is not None and max_side < 16):
         raise BadInputError(
             f"a video needs max_frames >= 2, stride >= 1 and max_side >= 16, not {max_frames}, {stride} and {max_side}"
         )
     parameters = {"max_side": max_side, "max_frames": max_frames, "stride": stride}
-    files: dict[str, VideoFile] = {}
+    files: dict[str, Path] = {}
     for file in dict.fromkeys(file.absolute() for file in find_videos(path)):
         name = safe_name(file.stem)
-        name = name if name not in files else f"{name}_{hashlib.sha256(str(file).encode()).hexdigest()[:6]}"
-        files[name] = VideoFile(file, name, Path(cache_dir), parameters)
-    return list(files.values())
+        files[name if name not in files else f"{name}_{hashlib.sha256(str(file).encode()).hexdigest()[:6]}"] = file
+    return [
+        Recording(str(file), partial(_shots, file, name, Path(cache_dir), parameters)) for name, file in files.items()
+    ]
 
 
 def find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:

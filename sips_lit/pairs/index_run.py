@@ -13,9 +13,9 @@ import numpy as np
 from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.recording import Recording
 from sips_lit.pairs.build import measure, range_of, stored_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
-from sips_lit.pairs.shards import Recording
 from sips_lit.types import ImageSequence
 
 

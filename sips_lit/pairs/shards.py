@@ -1,24 +1,12 @@
-"""A data set in parts that are opened one by one, and shares of it for several machines."""
+"""Shares of a data set for several machines."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 from sips_lit.errors import BadInputError
-from sips_lit.types import ImageSequence
-
-
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """A part of a data set: a video file, or one sequence of anything else.
-
-    ``where`` tells it apart from all others; ``open`` gives its sequences, and decodes a video if that was not done.
-    """
-
-    where: str
-    open: Callable[[], Sequence[ImageSequence]]
+from sips_lit.frames.recording import Recording
 
 
 def share(recordings: Iterable[Recording], shard: str) -> list[Recording]:

@@ -1,5 +1,6 @@
 """Every YAML composes with the command that it is for, and what it describes can be made."""
 
+import importlib
 import subprocess
 import sys
 import zipfile
@@ -11,12 +12,9 @@ import numpy as np
 import pytest
 import rgbd_files
 from cli_runs import ROOT
-from euroc_files import make_euroc
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
-from kitti_files import make_kitti
 from omegaconf import OmegaConf
-from posed_depth_files import make_posed_depth
 from random_weights import weights_file
 from robotcar_files import write_run
 from textured_scenes import texture
@@ -132,10 +130,8 @@ def sources_of(name: str, tmp_path: Path) -> list[str]:
         return [f"data.path={tmp_path}"]
     if name == "rgbd":
         return [f"data.path={rgbd_files.write_simple(tmp_path / 'desk')}"]
-    makers = {"kitti": make_kitti, "euroc": make_euroc, "posed_depth": make_posed_depth}
-    if name in makers:
-        return [f"data.path={makers[name](tmp_path)}"]
-    return []
+    make = getattr(importlib.import_module(f"{name}_files"), f"make_{name}")  # any other brings its own, in support/
+    return [f"data.path={make(tmp_path)}"]
 
 
 @pytest.mark.parametrize("name", names("data"))

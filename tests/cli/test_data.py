@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 import yaml
 from hpatches_files import write_sequence
+from own_dataset import write_walk
+from rgbd_files import write_simple
 from robotcar_files import write_run
 from textured_scenes import flight
 
@@ -85,6 +87,32 @@ def test_check_says_what_else_the_command_needs(tmp_path, capsys):
     assert "data.camera=stereo/left" in out
 
 
+def test_a_data_set_of_another_package(installed, tmp_path, capsys, command):
+    installed()
+    folder = write_walk(tmp_path / "walk", flight(5, size=(96, 80)).frames)
+    code, out, _ = run(capsys, "check", folder)
+    assert code == 0
+    assert f"{folder}: Walks (known by walk.npz)" in out
+    assert "| walk       | 5        | 96x80  | 20.0       | times |" in out
+    used = next(line for line in out.splitlines() if line.startswith("use: sips-train "))
+    assert used.endswith(f" data=walk data.path={folder} hydra.searchpath=[pkg://walks.conf]")
+    result = command("index", *used.split()[2:])  # what it recommends works
+    assert result.code == 0, result.err
+    assert "| walk       |        5 |" in result.out
+    code, out, _ = run(capsys, "stats", folder, "--output", tmp_path / "stats.png", "--cache", tmp_path / "cache")
+    assert code == 0
+    assert "| walk " in out
+
+
+def test_check_says_which_inliers_can_be_had(tmp_path, capsys):
+    folder = write_simple(tmp_path / "desk", 3)
+    _, out, _ = run(capsys, "check", folder)
+    assert "- inliers=klt, stereo_p3p or pose_depth labels and verifies its pairs" in out
+    (folder / "cam.json").unlink()
+    _, out, _ = run(capsys, "check", folder)
+    assert "inliers=" not in out
+
+
 @pytest.fixture
 def catalogue(tmp_path):
     """One data set whose file is a zip on this disk."""
@@ -124,6 +152,11 @@ def test_download_unpacks_and_does_not_fetch_twice(catalogue, tmp_path, capsys, 
     assert f"data.path={tmp_path / 'd/tiny/frames'}" in out
     code, out, _ = run(capsys, *arguments)
     assert (code, fetched) == (0, ["tiny.zip"])
+    place = tmp_path / "d/tiny/frames"
+    (place / "1.png").unlink()
+    write_sequence(place)
+    _, out, _ = run(capsys, *arguments)  # what is there tells how to use it
+    assert out.endswith(f"data=hpatches data.path={place} inliers=homography datamodule.val_fraction=0.34\n")
 
 
 def test_without_a_name_the_offers_are_listed(capsys):

@@ -1,10 +1,16 @@
+import sys
+import types
 from pathlib import Path
 
 import pytest
 from cli_runs import write_frames
+from omegaconf import OmegaConf
+from own_dataset import write_walk
 from textured_scenes import flight, texture
 
 import sips_lit.pairs.build
+from sips_lit.cli.index import recordings
+from sips_lit.frames.recording import Recording, RecordingLoader
 
 
 def files(folder: Path) -> dict[str, int]:
@@ -90,3 +96,40 @@ def test_an_unreadable_frame_is_told_and_is_no_failure(command, tmp_path):
     assert f"unreadable in frames: {folder}/002.png is not an image" in result.out
     evaluation = command("evaluate", "detector=fast", "data=folder", f"data.path={folder}", "checkpoint=none")
     assert f"an evaluation needs every frame, but {folder}/002.png is not" in evaluation.sentence
+
+
+def test_a_loader_of_another_package(command, tmp_path, installed, measured):
+    installed()
+    for name, count in (("a", 4), ("b", 5)):
+        write_walk(tmp_path / "walks" / name, flight(count, size=(96, 80), name=name).frames)
+    given = "data=posed_depth", "data._target_=walks.walk.walk", f"data.path={tmp_path}/walks"
+    result = command("index", *given, "shard=2/2")
+    assert result.code == 0, result.err
+    assert measured == ["b"]
+
+
+def test_a_loader_that_lists_recordings_opens_only_those_of_the_share(tmp_path, monkeypatch):
+    module = types.ModuleType("slow_films")
+    opened = []
+
+    @RecordingLoader
+    def films(path):
+        return [Recording(f"{path}/{name}", lambda name=name: opened.append(name) or [flight(3)]) for name in "ab"]
+
+    module.films = films
+    monkeypatch.setitem(sys.modules, "slow_films", module)
+    config = {"_target_": "slow_films.films", "path": "x"}
+    assert [part.where for part in recordings(OmegaConf.create(config))] == ["x/a", "x/b"]
+    mixed = {"_target_": "some.mixture", "sources": {"one": {"sequences": config}, "none": None}}
+    parts = recordings(OmegaConf.create(mixed))
+    assert opened == []
+    assert ([len(sequence) for sequence in parts[1].open()], opened) == ([3], ["b"])
+
+
+def test_an_argument_called_sources_makes_no_mixture(monkeypatch):
+    module = types.ModuleType("named_films")
+    module.load = lambda sources: [flight(3, name=name) for name in sources]
+    monkeypatch.setitem(sys.modules, "named_films", module)
+    for sources in ({"a": 1, "b": 2}, {"a": {"length": 3}, "b": {"length": 4}}, ["a", "b"]):
+        parts = recordings(OmegaConf.create({"_target_": "named_films.load", "sources": sources}))
+        assert [part.where for part in parts] == ["a", "b"]

@@ -9,6 +9,7 @@ from textured_scenes import ArraySequence, flight
 
 from sips_lit.dataset_tools.check import DataSetReport, check, check_sequence, check_video, frame_rate, path_of, remarks
 from sips_lit.dataset_tools.recognise import DataSet, recognise
+from sips_lit.datasets import kitti, rgbd
 from sips_lit.errors import BadInputError
 from sips_lit.types import Camera
 
@@ -54,7 +55,7 @@ def test_how_much_of_the_depth_is_known():
 
     report = check_sequence(Sparse(flight(2).frames))
     assert report.depth_known == pytest.approx([0.3, 0.3])
-    dataset = DataSet("rgbd", "RGB-D", Path(), "a test")
+    dataset = DataSet(rgbd.SPEC, Path(), "a test")
     assert any("30% of the pixels" in remark for remark in remarks(DataSetReport(dataset, [report])))
 
 
@@ -94,7 +95,7 @@ def test_a_truncated_image_is_named(tmp_path):
 
 
 def test_a_loader_that_refuses_is_the_problem(tmp_path):
-    report = check(DataSet("kitti", "KITTI odometry", tmp_path / "nothing", "a test"))
+    report = check(DataSet(kitti.SPEC, tmp_path / "nothing", "a test"))
     assert len(report.problems) == 1
     assert not report.whole
     assert remarks(report)[0] == report.problems[0]
@@ -130,7 +131,7 @@ def test_what_is_lacking_is_told():
         def pose(self, index):
             return super().pose(index) if index < 2 else None
 
-    dataset = DataSet("kitti", "KITTI odometry", Path(), "a test")
+    dataset = DataSet(kitti.SPEC, Path(), "a test")
     said = remarks(DataSetReport(dataset, [check_sequence(Half(flight(4).frames))]))
     assert any("no right images" in remark for remark in said)
     assert any("2 frames without poses" in remark for remark in said)
@@ -143,7 +144,7 @@ def test_a_camera_that_stands_still_is_told():
         def frame(self, index):
             return ArraySequence.frame(self, index)
 
-    dataset = DataSet("rgbd", "RGB-D", Path(), "a test")
+    dataset = DataSet(rgbd.SPEC, Path(), "a test")
     said = remarks(DataSetReport(dataset, [check_sequence(Still(flight(4).frames))]))
     assert any("stands still" in remark for remark in said)
 
@@ -200,6 +201,14 @@ def test_a_link_that_leads_nowhere_is_an_image_that_does_not_open(tmp_path):
     assert report.sequences[0].frames == 3
     assert not report.whole
     assert any("cannot read the image" in remark and "1.png" in remark for remark in remarks(report))
+
+
+@pytest.mark.parametrize("ordered", [True, False])
+def test_different_sizes_are_told_where_the_order_is_that_of_time(ordered):
+    sequence = ArraySequence([np.zeros((20, 30), np.uint8), np.zeros((40, 30), np.uint8)])
+    sequence.temporal = ordered
+    said = remarks(DataSetReport(DataSet(rgbd.SPEC, Path(), "a test"), [check_sequence(sequence)]))
+    assert any("images of 2 different sizes" in remark for remark in said) == ordered
 
 
 @pytest.mark.shared_data

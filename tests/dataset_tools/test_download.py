@@ -125,4 +125,3 @@ def test_the_catalogue_says_what_a_user_needs():
         assert offer.bytes > 0
         assert offer.page.startswith("http")
         assert all(file.url.startswith("http") for file in offer.files)
-        assert offer.data in ("hpatches", "kitti", "rgbd", "euroc")

@@ -3,8 +3,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from euroc_files import make_euroc
 from kitti_files import make_kitti
+from own_dataset import write_walk
+from rgbd_files import write_simple
 from robotcar_files import write_run
+from textured_scenes import flight
 
 from sips_lit.dataset_tools.recognise import recognise
 from sips_lit.errors import BadInputError
@@ -33,18 +37,20 @@ def lay_out(root: Path, files: list[str]) -> Path:
 @pytest.mark.parametrize("kind", LAYOUTS)
 def test_each_layout_is_known_by_its_files(tmp_path, kind):
     found = recognise(lay_out(tmp_path / "some", LAYOUTS[kind]))
-    assert [d.kind for d in found] == [kind]
+    assert [d.spec.kind for d in found] == [kind]
 
 
 def test_the_data_sets_of_a_folder_of_data_sets(tmp_path):
     for kind in ("euroc", "hpatches", "rgbd", "video"):
         lay_out(tmp_path / kind, LAYOUTS[kind])
-    assert {d.path.name: d.kind for d in recognise(tmp_path)} == {k: k for k in ("euroc", "hpatches", "rgbd", "video")}
+    assert {d.path.name: d.spec.kind for d in recognise(tmp_path)} == {
+        k: k for k in ("euroc", "hpatches", "rgbd", "video")
+    }
 
 
 def test_rgbd_as_plain_folders(tmp_path):
     root = lay_out(tmp_path, ["color/1.png", "depth/1.png", "poses.txt", "cam.json"])
-    assert [d.kind for d in recognise(root)] == ["rgbd"]
+    assert [d.spec.kind for d in recognise(root)] == ["rgbd"]
 
 
 HALVES = {
@@ -70,9 +76,67 @@ HALVES = {
 @pytest.mark.parametrize(("kind", "files"), [(kind, half) for kind, halves in HALVES.items() for half in halves])
 def test_half_of_a_data_set_is_known_for_what_it_is(tmp_path, kind, files):
     (dataset,) = recognise(lay_out(tmp_path / "some", files))
-    assert dataset.kind == kind
+    assert dataset.spec.kind == kind
     with pytest.raises(BadInputError):  # and its loader says what is missing
         dataset.sequences()
+
+
+LAYERED = sorted(set(LAYOUTS) - {"video", "folder"})
+STRAYS = {
+    "pictures": ["overview.png", "map.jpg"],
+    "a video": ["preview.mp4"],
+    "hidden folders": [".ipynb_checkpoints/1.png", ".ipynb_checkpoints/2.png", ".trash/mav0/cam0/data.csv"],
+}
+
+
+@pytest.mark.parametrize("strays", STRAYS)
+@pytest.mark.parametrize("kind", LAYERED)
+def test_strays_in_its_root_do_not_make_it_another(tmp_path, kind, strays):
+    clean = recognise(lay_out(tmp_path / "some", LAYOUTS[kind]))
+    assert recognise(lay_out(tmp_path / "some", STRAYS[strays])) == clean
+
+
+@pytest.mark.parametrize("kind", ["video", "folder"])
+def test_hidden_files_and_folders_are_no_data_set(tmp_path, kind):
+    root = lay_out(tmp_path / "some", LAYOUTS[kind])
+    clean = recognise(root)
+    assert recognise(lay_out(root, [".a.mp4", ".1.png", *STRAYS["hidden folders"]])) == clean
+
+
+def test_images_beside_folders_of_images_are_one_data_set(tmp_path):
+    root = lay_out(tmp_path / "some", ["1.png", "2.png", "thumbnails/1.png", "thumbnails/2.png"])
+    assert [(d.spec.kind, d.path) for d in recognise(root)] == [("folder", root)]
+
+
+@pytest.mark.parametrize("kind", ["euroc", "rgbd", "robotcar", "folder"])
+def test_loaders_pass_over_hidden_folders(tmp_path, kind):
+    makers = {
+        "euroc": lambda place: make_euroc(place),
+        "rgbd": lambda place: write_simple(place, 2),
+        "robotcar": lambda place: write_run(place),
+        "folder": lambda place: lay_out(place, ["1.png", "2.png"]),
+    }
+    for name in ("a", ".b"):
+        makers[kind](tmp_path / "some" / name)
+    (dataset,) = recognise(tmp_path / "some")
+    assert dataset.spec.kind == kind
+    assert len(dataset.sequences()) == 1
+
+
+def test_a_data_set_of_another_package(tmp_path, installed):
+    root = tmp_path / "walks"
+    write_walk(root / "one", flight(3).frames)
+    write_walk(root / "two", flight(4).frames)
+    lay_out(root, ["overview.png"])
+    with pytest.raises(BadInputError, match="known here"):
+        recognise(root / "one")
+    installed()
+    (dataset,) = recognise(root)
+    assert (dataset.spec.title, dataset.sign, len(dataset.parts)) == ("Walks", "one/walk.npz and 1 more", 2)
+    assert [len(sequence) for sequence in dataset.sequences()] == [3, 4]
+    assert [sequence.name for sequence in dataset.sequences(reverse=True)] == ["two", "one"]
+    with pytest.raises(BadInputError, match="the folder of one of Walks, EuRoC"):
+        recognise(tmp_path / "gone")
 
 
 def test_what_the_loader_must_be_told(tmp_path):
@@ -106,7 +170,7 @@ def test_a_path_that_does_not_exist(tmp_path):
 
 @pytest.mark.shared_data
 def test_every_folder_of_the_shared_data(shared_data):
-    found = {d.path.name: d.kind for d in recognise(shared_data)}
+    found = {d.path.name: d.spec.kind for d in recognise(shared_data)}
     assert found == {
         "boofcv": "video",
         "boofcv_driving_snow": "folder",

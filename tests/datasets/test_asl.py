@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from euroc_files import LENSES, START, STEP, T_BODY_CAMERA, body_pose, make_euroc
 
-from sips_lit.datasets.asl import read_sensor, read_shots, read_states
+from sips_lit.datasets.asl import read_sensor, read_states, read_timed_images
 from sips_lit.errors import BadInputError
 
 
@@ -60,14 +60,14 @@ def test_a_sensor_that_is_no_rigid_motion_or_empty(tmp_path: Path):
         read_sensor(file)
 
 
-def test_shots(tmp_path: Path):
+def test_timed_images(tmp_path: Path):
     camera = make_euroc(tmp_path) / "cam0"
-    shots = read_shots(camera)
-    assert shots.times.tolist() == [START + i * STEP for i in range(4)]
-    assert shots.files[1] == camera / "data" / f"{START + STEP}.png"
-    shots.files[2].unlink()
+    images = read_timed_images(camera)
+    assert images.times.tolist() == [START + i * STEP for i in range(4)]
+    assert images.files[1] == camera / "data" / f"{START + STEP}.png"
+    images.files[2].unlink()
     with pytest.raises(BadInputError, match=rf"1 of 4 images .* is .*{START + 2 * STEP}\.png: download"):
-        read_shots(camera)
+        read_timed_images(camera)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_bad_lists(tmp_path: Path, text: str, message: str):
     camera = make_euroc(tmp_path) / "cam0"
     (camera / "data.csv").write_text(text)
     with pytest.raises(BadInputError, match=message):
-        read_shots(camera)
+        read_timed_images(camera)
 
 
 @pytest.mark.parametrize("columns", [8, 17])

@@ -6,7 +6,7 @@ from textured_scenes import flight
 from video_files import write_video
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.video import find_videos, video, video_files
+from sips_lit.frames.video import find_videos, video
 
 
 @pytest.fixture
@@ -52,15 +52,15 @@ def test_a_list_that_is_no_text(videos):
 
 
 def test_nothing_is_decoded_before_it_is_asked_for(videos, tmp_path):
-    files = video_files(videos / "**" / "*.avi", tmp_path / "cache")
+    recordings = video.recordings(videos / "**" / "*.avi", tmp_path / "cache")
     assert not (tmp_path / "cache").exists()
-    assert [file.file for file in files] == [videos / n for n in ("a.avi", "b.avi", "more/a.avi")]
-    assert len({file.name for file in files}) == 3
-    (shot,) = files[1].shots()
+    assert [Path(recording.where) for recording in recordings] == [videos / n for n in ("a.avi", "b.avi", "more/a.avi")]
+    (shot,) = recordings[1].open()
     assert [folder.name[:2] for folder in (tmp_path / "cache").iterdir()] == ["b-"]
     eager = video(videos / "**" / "*.avi", tmp_path / "cache")
     assert (eager[1].name, eager[1].fingerprint) == (shot.name, shot.fingerprint)
-    assert [shot.name for shot in eager] == [file.name for file in files]
+    assert [shot.name for recording in recordings for shot in recording.open()] == [shot.name for shot in eager]
+    assert len({shot.name for shot in eager}) == 3
 
 
 def test_many_videos_keep_no_file_open(videos, tmp_path):

@@ -3,7 +3,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.shards import Recording, share
+from sips_lit.frames.recording import Recording
+from sips_lit.pairs.shards import share
 
 
 def recordings(names) -> list[Recording]:
