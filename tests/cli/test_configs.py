@@ -23,6 +23,7 @@ from tum_mono_files import write_sequence
 from sips_lit.cli.app import CONF_DIR, build, register_resolvers
 from sips_lit.cli.evaluation import CHOICE, MEASURED, PAIR_SET
 from sips_lit.cli.methods import make_methods
+from sips_lit.cli.train import comparison
 from sips_lit.evaluate.measures import Measures
 from sips_lit.frames.source import as_sources
 
@@ -180,9 +181,8 @@ def test_every_experiment_composes(name, tmp_path, checkpoint):
     OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     if config.compare is not None:
         with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
-            config.compare.checkpoint = str(checkpoint)
-            skipped: dict[str, str] = {}
-            assert {method.key for method in make_methods(config.compare, skipped.__setitem__)} > {
+            compared, skipped = comparison(config, checkpoint), {}
+            assert {method.key for method in make_methods(compared, skipped.__setitem__)} > {
                 "sips_rootsift",
                 "sift",
             }
