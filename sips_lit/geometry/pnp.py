@@ -13,6 +13,7 @@ import poselib
 from numpy.typing import NDArray
 
 from sips_lit.geometry.pose import PoseEstimate
+from sips_lit.geometry.projection import project
 from sips_lit.types import Camera, FloatArray
 
 ESTIMATOR: Final = f"P3P in LO-RANSAC, PoseLib {poselib.__version__}"
@@ -54,20 +55,11 @@ def p3p_ransac(
     }
     found, _ = poselib.estimate_absolute_pose(straight, X, pinhole, options, _NO_FURTHER_REFINEMENT)
     pose = np.asarray(found.Rt, np.float64)
-    inlier = _agrees(pose, X, xy, camera, threshold)  # nothing agrees with a pose that is not finite
+    errors = np.linalg.norm(project(X @ pose[:, :3].T + pose[:, 3], camera) - xy, axis=1)
+    inlier = np.asarray(errors <= threshold, np.bool_)  # nothing agrees with a pose that is not finite
     if inlier.sum() < 3 or _on_a_line(X[inlier]):
         return none
     return PoseEstimate(np.vstack([pose, [0, 0, 0, 1]]), inlier)
-
-
-def _agrees(
-    pose: NDArray[np.float64], X: NDArray[np.float64], xy: NDArray[np.float64], camera: Camera, threshold: float
-) -> NDArray[np.bool_]:
-    """Which points (M, 3) are in front of the camera and project within ``threshold`` of their pixels (M, 2)."""
-    projected = (X @ pose[:, :3].T + pose[:, 3]) @ np.asarray(camera.matrix, np.float64).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        near = np.linalg.norm(projected[:, :2] / projected[:, 2:] - xy, axis=1) <= threshold
-    return np.asarray(near & (projected[:, 2] > 0), np.bool_)
 
 
 def _on_a_line(points: NDArray[np.float64]) -> bool:
