@@ -101,10 +101,8 @@ class Rectification:
         width, height = to.size
         columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
         rays = np.column_stack([columns.ravel(), rows.ravel(), np.ones(width * height)]) @ np.linalg.inv(to.matrix).T
-        x, y = camera.distort(rays[:, :2]).astype(np.float32).T.reshape(2, height, width)
-        # twice as fast as maps of floating-point numbers
-        self._places, self._weights = cv2.convertMaps(x, y, cv2.CV_16SC2)
+        self._x, self._y = camera.distort(rays[:, :2]).astype(np.float32).T.reshape(2, height, width)
 
     def __call__(self, image: GreyImage) -> GreyImage:
         """The rectified image, by linear interpolation."""
-        return np.asarray(cv2.remap(image, self._places, self._weights, cv2.INTER_LINEAR), np.uint8)
+        return np.asarray(cv2.remap(image, self._x, self._y, cv2.INTER_LINEAR), np.uint8)

@@ -29,14 +29,16 @@ def back_project(xy: FloatArray, depth: FloatArray, camera: Camera) -> NDArray[n
     return points
 
 
+def project(points: FloatArray, camera: Camera) -> NDArray[np.float64]:
+    """Pixels (N, 2) of points (N, 3) in the camera's frame; NaN where they are not in front of it."""
+    projected = np.asarray(points @ camera.matrix.T, np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(points[:, 2:] > 0, projected[:, :2] / projected[:, 2:], np.nan)
+
+
 def transfer(
     xy: FloatArray, depth: FloatArray, camera_from: Camera, camera_to: Camera, T_to_from: FloatArray
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Pixels (N, 2) and depths (N,) in the other view of N pixels (N, 2) with depths (N,); NaN where behind the camera."""
     points = back_project(xy, depth, camera_from) @ T_to_from[:3, :3].T + T_to_from[:3, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        projected = points @ camera_to.matrix.T
-        behind = ~(points[:, 2] > 0)
-        moved = projected[:, :2] / projected[:, 2:]
-    moved[behind] = np.nan
-    return moved, np.where(behind, np.nan, points[:, 2])
+    return project(points, camera_to), np.where(points[:, 2] > 0, points[:, 2], np.nan)

@@ -29,8 +29,7 @@ class Rectifier:
     """Turns images of one lens camera into those of the pinhole ``camera`` at the same place.
 
     ``rotation`` (3, 3) maps directions of the lens camera to the pinhole camera. ``x`` and ``y`` (H, W) are the place in the
-    stored image that each pixel comes from, made once. (As floats: OpenCV 5 is a quarter faster with them than with its
-    fixed-point form, and they are not rounded.)
+    stored image that each pixel comes from.
     """
 
     camera: Camera

@@ -1,4 +1,4 @@
-"""Inliers by an estimated pose: 3-D points of one image, P3P and RANSAC in the other (paper, labels from stereo; pose)."""
+"""Inliers by an estimated pose: 3-D points of one image, P3P in LO-RANSAC in the other (paper, labels from stereo; pose)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.geometry.pnp import p3p_ransac
+from sips_lit.geometry.pnp import ESTIMATOR, p3p_ransac
 from sips_lit.geometry.point_depth import views
 from sips_lit.geometry.pose import PoseEstimate
 from sips_lit.geometry.projection import back_project
@@ -21,7 +21,7 @@ from sips_lit.types import Camera, DisparityMatcher, FramePair, Inliers, Keypoin
 
 @dataclass(frozen=True, slots=True)
 class StereoP3PInliers:
-    """A match is an inlier if it is in the largest inlier set of a pose in both directions.
+    """A match is an inlier if it agrees with a pose estimated from all matches, in both directions.
 
     The points of image 0 with a depth (map or stereo partner) are points in space: P3P in image 1, exactly ``iterations``
     samples, inliers within ``threshold`` pixels. Then the same from image 1 to image 0. Where only one point of a match has
@@ -42,6 +42,7 @@ class StereoP3PInliers:
         """Method and thresholds."""
         return {
             "inliers": "stereo_p3p",
+            "estimator": ESTIMATOR,
             "threshold": self.threshold,
             "iterations": self.iterations,
             "seed": self.seed,

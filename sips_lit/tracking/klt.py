@@ -32,7 +32,7 @@ class KltTracker:
 
     @property
     def parameters(self) -> Mapping[str, Any]:
-        """What a track depends on; the numbers differ slightly between versions of OpenCV."""
+        """What a track depends on, with the version of OpenCV."""
         return {**asdict(self), "opencv": cv2.__version__}
 
     def step(

@@ -52,7 +52,7 @@ def test_warping_a_mirrored_image_is_mirroring_the_warped_one(horizontal, vertic
     warped = cv2.warpPerspective(image, H, size1)[turn].astype(float)
     inner = slice(12, -12), slice(12, -12)
     difference = cv2.warpPerspective(np.ascontiguousarray(image[turn]), flipped, size1) - warped
-    assert np.abs(difference[inner]).max() <= 12  # OpenCV interpolates at steps of 1 / 32 pixel
+    assert np.abs(difference[inner]).max() <= 12  # OpenCV 4 interpolates at steps of 1 / 32 pixel
     assert np.abs(difference[inner]).mean() < 0.7
 
 

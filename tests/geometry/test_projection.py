@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.geometry.projection import project, sample_depth, transfer
 from sips_lit.types import Camera
 
 DEPTH = np.arange(1, 13, dtype=np.float32).reshape(3, 4)  # 3 rows, 4 columns
@@ -61,6 +61,15 @@ def test_pixels_of_known_points(pose, seed):
     back, depth_back = transfer(moved, depth, CAMERA1, CAMERA0, np.linalg.inv(T_1_0))
     np.testing.assert_allclose(back, xy0, atol=1e-6)
     np.testing.assert_allclose(depth_back, X0[:, 2])
+
+
+def test_what_is_in_front_projects_as_opencv_says_and_the_rest_is_nan():
+    X = np.random.default_rng(0).uniform([-1, -1, 3], [1, 1, 9], (20, 3))
+    expected = cv2.projectPoints(X, np.zeros(3), np.zeros(3), CAMERA0.matrix, None)[0][:, 0]
+    np.testing.assert_allclose(project(X, CAMERA0), expected, atol=1e-9)
+    assert np.isnan(project(-X, CAMERA0)).all()
+    assert np.isnan(project(X * [1, 1, 0], CAMERA0)).all()
+    assert np.isnan(project(np.full((2, 3), np.nan), CAMERA0)).all()
 
 
 def test_points_behind_the_camera_are_nan():

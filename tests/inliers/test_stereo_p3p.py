@@ -1,7 +1,9 @@
 from dataclasses import replace
+from importlib.metadata import version
 
 import cv2
 import numpy as np
+import poselib
 import pytest
 from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import keypoints
@@ -185,9 +187,30 @@ def test_the_search_for_n_k_prepares_once(monkeypatch):
         verify(pair, *features, CHECK, "exact")
 
 
+def test_a_point_of_unknown_depth_never_reaches_the_search(monkeypatch):
+    points0, points1, matches, _ = true_points()
+    pair = read_pair(SCENES["depth"], 0, 2)
+    holes = [depth.copy() for depth in (pair.geometry.depth0, pair.geometry.depth1)]
+    for depth in holes:
+        depth[:, ::40] = np.nan
+    pair = replace(pair, geometry=replace(pair.geometry, depth0=holes[0], depth1=holes[1]))
+    given = []
+    search = poselib.estimate_absolute_pose
+    monkeypatch.setattr(poselib, "estimate_absolute_pose", lambda *args: given.append(args[:2]) or search(*args))
+    unknown = CHECK(pair, points0, points1, matches).reason == Reason.UNKNOWN
+    prepared = CHECK.prepare(pair, points0, points1)
+    lacking = [~side.known for side in (prepared.side0, prepared.side1)]
+    assert lacking[0].any()
+    assert lacking[1].any()
+    assert [len(points) for _, points in given] == [(~lacking[0]).sum(), (~lacking[1]).sum()]
+    assert all(np.isfinite(array).all() for arrays in given for array in arrays)
+    np.testing.assert_array_equal(unknown, lacking[0][matches.index0] & lacking[1][matches.index1])
+
+
 def test_protocol():
     protocol = dict(StereoP3PInliers().protocol)
     assert protocol.pop("stereo")["max_roundtrip"] == 1.0
+    assert protocol.pop("estimator") == f"P3P in LO-RANSAC, PoseLib {version('poselib')}"
     assert protocol == {"inliers": "stereo_p3p", "threshold": 3.0, "iterations": 3000, "seed": 0}
     assert not CHECK.independent
     assert CHECK.uses_depth
