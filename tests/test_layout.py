@@ -10,7 +10,6 @@ PACKAGE, TESTS = Path(sips_lit.__file__).parent, Path(__file__).parent
 WITHOUT_TESTS = {
     "errors.py",
     "evaluate/result.py",
-    "report/columns.py",
     "report/counts_html.py",
     "report/figures.py",
     "report/glossary.py",

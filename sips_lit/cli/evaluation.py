@@ -30,10 +30,10 @@ from sips_lit.frames.source import as_sources
 from sips_lit.inference.score_video import write_score_video
 from sips_lit.pairs.choice import choose_pairs
 from sips_lit.pairs.pair_file import write_pair_file
+from sips_lit.report.columns import auc_of
 from sips_lit.report.files import write_report
 from sips_lit.report.method_pictures import draw_method_pictures
 from sips_lit.report.pair_pictures import PairPicture
-from sips_lit.report.summary import summary
 from sips_lit.report.terminal import protocol_line, table
 
 CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
@@ -59,7 +59,7 @@ def run_evaluation(
     for pairs, measures in make_pair_sets(config, folder):
         result = evaluate_pair_set(methods, pairs, measures, cache, config.workers, told({}))
         results.append(_with_skipped(result, skipped))
-        print(f"\n{pairs.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1], measures)}")
+        print(f"\n{pairs.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1])}")
         print("".join(f"sanitised: {name}: {mended}\n" for name, mended in _mended(result).items()), end="")
         videos += write_videos(folder / safe_name(pairs.key), methods, pairs, measures.n, config.video_frames)
         if config.pictures:
@@ -102,7 +102,7 @@ def told(skipped: dict[str, str]) -> Callable[[str, str], None]:
 
 def best_auc(results: Sequence[PairSetResult]) -> float:
     """The best succinctness AUC on the first pair set: what a sweep maximises. NaN where no method was measured."""
-    return max((summary(method).auc for method in results[0].detectors), default=float("nan"))
+    return max((auc_of(method) for method in results[0].detectors), default=float("nan"))
 
 
 def make_pair_sets(config: DictConfig, folder: Path) -> list[tuple[PairSet, Measures]]:

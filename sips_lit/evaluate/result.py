@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from sips_lit.metrics.calibration import CalibrationResult
 
-NO_SCORES = "none"
-"""What a protocol says under ``scores`` of points without an order: all of an image are judged, or nothing."""
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -65,7 +63,7 @@ class MethodResult:
     ``n_k`` (P, R, K): points needed for each k of ``ks``, inf = failure; ``rotation_error`` and ``translation_error``
     (P, R, K): of the pose from the matches at n_k. ``points0`` and ``points1`` (P,): points found when ``n_max`` were asked
     for. ``budgets``: by n. ``calibration``: by n, for detectors whose scores are probabilities. ``milliseconds``: mean time
-    of each stage (detect and describe: of an image, when its features were made; match, depth, verify, metrics: of a pair).
+    of each stage (detect, describe and depth: per image, when its features were made; match, verify, metrics: per pair).
     ``defects``: counts of what was wrong with the detector's output. ``protocol``: how all this was obtained.
     """
 

@@ -15,6 +15,7 @@ from sips_lit.render.calibration_counts import draw_calibrations
 from sips_lit.render.pose_curves import draw_pose_curves
 from sips_lit.render.pose_difference import draw_pose_differences
 from sips_lit.render.styles import Style
+from sips_lit.report.columns import best_first
 from sips_lit.report.summary import (
     error_auc,
     error_curve,
@@ -123,8 +124,7 @@ def _errors(result: MethodResult, n: int, error: Error) -> FloatArray:
 
 def _pose_differences(result: PairSetResult) -> Chart:
     k, table = main_k(result.detectors[0]), result.detectors[0].pairs
-    order = sorted(result.detectors, key=lambda d: -np.nan_to_num(succinctness(d, main_k(d)).auc, nan=-1))
-    needed = {detector.name: median_needed(detector, main_k(detector)) for detector in order}
+    needed = {method.name: median_needed(method, main_k(method)) for method in best_first(result.detectors)}
     caption = (
         f"Each pair at its true translation and rotation; colour and shape tell the points it took for {k} inliers."
     )

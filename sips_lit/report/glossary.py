@@ -8,7 +8,6 @@ from typing import Final
 
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.report.columns import OWN_N, columns_of
-from sips_lit.report.summary import summary
 
 _BASICS: Final = {
     "n_k, points needed": "The fewest points that must be taken from each image, best first, so that k of the matches "
@@ -47,7 +46,7 @@ def glossary_html(results: Sequence[PairSetResult]) -> str:
     """The definitions of all columns that any table has, and of the cases in which a number is missing."""
     entries = dict(_BASICS)
     for result in results:
-        for column in columns_of([summary(detector) for detector in result.detectors]):
+        for column in columns_of(result.detectors):
             entries.setdefault(column.title, column.definition)
     return f"<dl>{_list(entries)}</dl>\n<h3>Where there is no number</h3>\n<dl>{_list(_CASES)}</dl>"
 

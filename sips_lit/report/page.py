@@ -6,16 +6,14 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 
-import numpy as np
-
 from sips_lit.evaluate.result import PairSetResult
+from sips_lit.report.columns import best_first
 from sips_lit.report.counts_html import defects_html, without_pose_html
 from sips_lit.report.embedding import inline_svg, picture_uri
 from sips_lit.report.figures import Styles, charts
 from sips_lit.report.glossary import glossary_html
 from sips_lit.report.pair_pictures import PairPicture
 from sips_lit.report.protocol_html import definition_table, protocol_html
-from sips_lit.report.summary import main_k, succinctness
 from sips_lit.report.table_html import swatch, table_html
 
 _FEW = 6
@@ -103,14 +101,13 @@ def _charts(index: int, result: PairSetResult, styles: Styles) -> str:
 
 def _ticks(result: PairSetResult, styles: Styles) -> str:
     """A tick for each detector, best AUC first: the legend of all charts."""
-    aucs = {detector.name: succinctness(detector, main_k(detector)).auc for detector in result.detectors}
-    best_first = sorted(aucs, key=lambda name: -np.nan_to_num(aucs[name], nan=-1))
+    names = [method.name for method in best_first(result.detectors)]
     boxes = "".join(
         f'<label><input type="checkbox" checked data-curve="{styles[name].index}"> '
         f"{swatch(styles[name])}{escape(name)}</label>"
-        for name in best_first
+        for name in names
     )
-    choices = {"all": len(aucs), "none": 0} | ({f"best {_FEW}": _FEW} if len(aucs) > _FEW else {})
+    choices = {"all": len(names), "none": 0} | ({f"best {_FEW}": _FEW} if len(names) > _FEW else {})
     buttons = [f'<button type="button" data-show="{shown}">{word}</button>' for word, shown in choices.items()]
     return f"<fieldset><legend>Show {' · '.join(buttons)}</legend>{boxes}</fieldset>"
 

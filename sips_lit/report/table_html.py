@@ -6,23 +6,21 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from sips_lit.evaluate.result import PairSetResult
+from sips_lit.evaluate.result import MethodResult, PairSetResult
 from sips_lit.render.styles import Style, is_control
-from sips_lit.report.columns import OWN_N, Column, columns_of, text_of
+from sips_lit.report.columns import OWN_N, Column, best_first, columns_of, is_scored, text_of
 from sips_lit.report.figures import Styles
-from sips_lit.report.summary import Summary, summary
 
 _DASHES = {"-": "", "--": "6 3", ":": "1.5 2.5"}
 
 
 def table_html(result: PairSetResult, styles: Styles) -> str:
     """A row a detector, best AUC first; the best value of each column is marked, controls left aside."""
-    rows = [(detector.name, summary(detector)) for detector in result.detectors]
-    rows.sort(key=lambda row: -row[1].auc if not math.isnan(row[1].auc) else 2)
-    columns = columns_of([row for _, row in rows])
-    methods = [row for name, row in rows if not is_control(name)]
+    rows = best_first(result.detectors)
+    columns = columns_of(rows)
+    methods = [row for row in rows if not is_control(row.name)]
     best = [_best(column, methods) for column in columns]
-    body = "\n".join(_row(name, row, columns, best, styles[name]) for name, row in rows)
+    body = "\n".join(_row(row, columns, best, styles[row.name]) for row in rows)
     return (
         '<div class="scroll"><table class="sortable">\n'
         f"<thead><tr>{_heading('detector', 'ascending')}{''.join(map(_column_heading, columns))}</tr></thead>\n"
@@ -49,16 +47,16 @@ def _heading(title: str, first: str, sort: str | None = None, definition: str = 
     return f'<th scope="col" data-first="{first}"{sorted_by}{tip}><button type="button">{escape(title)}</button></th>'
 
 
-def _row(name: str, row: Summary, columns: Sequence[Column], best: Sequence[float], style: Style) -> str:
-    control = is_control(name)
-    words = ["control"] * control + [OWN_N] * (not row.scored)
+def _row(row: MethodResult, columns: Sequence[Column], best: Sequence[float], style: Style) -> str:
+    name, control = row.name, is_control(row.name)
+    words = ["control"] * control + [OWN_N] * (not is_scored(row))
     tags = "".join(f' <span class="tag">{word}</span>' for word in words)
     cells = [f'<td data-value="{escape(name)}">{swatch(style)}{escape(name)}{tags}</td>']
     cells += [_cell(column, row, record, control) for column, record in zip(columns, best, strict=True)]
     return f"<tr{' class=control' if control else ''}>{''.join(cells)}</tr>"
 
 
-def _cell(column: Column, row: Summary, record: float, control: bool) -> str:
+def _cell(column: Column, row: MethodResult, record: float, control: bool) -> str:
     value = column.value(row)
     sortable = "" if math.isnan(value) else "Infinity" if math.isinf(value) else repr(float(value))
     marked = not control and text_of(value, column.digits) == text_of(record, column.digits) and math.isfinite(value)
@@ -69,7 +67,7 @@ def _cell(column: Column, row: Summary, record: float, control: bool) -> str:
     return f'<td data-value="{sortable}"{" class=best" if marked else ""}>{text_of(value, digits)}{spread}</td>'
 
 
-def _best(column: Column, rows: Sequence[Summary]) -> float:
+def _best(column: Column, rows: Sequence[MethodResult]) -> float:
     values = [value for row in rows if not math.isnan(value := column.value(row))]
     if not values or column.better == 0:
         return math.nan

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sips_lit.evaluate.result import MethodResult, PairSetResult
 from sips_lit.files import make_folder, safe_name, write_whole
 from sips_lit.report.columns import columns_of
-from sips_lit.report.summary import main_k, median_needed, over_repeats, summary
+from sips_lit.report.summary import main_budget, main_k, median_needed, over_repeats
 
 
 def write_tables(folder: Path, results: Sequence[PairSetResult]) -> list[Path]:
@@ -37,18 +37,16 @@ def write_tables(folder: Path, results: Sequence[PairSetResult]) -> list[Path]:
 
 def summary_rows(results: Sequence[PairSetResult]) -> list[list[str]]:
     """The header and a row for each detector on each pair set, unrounded; a cell is empty where the set lacks a column."""
-    tables = []
-    for result in results:
-        rows = [summary(detector) for detector in result.detectors]
-        tables.append((result, rows, columns_of(rows)))
-    keys = list(dict.fromkeys(key for *_, columns in tables for c in columns for key in _keys(c.key, c.deviation)))
+    tables = [(result, columns_of(result.detectors)) for result in results]
+    keys = list(dict.fromkeys(key for _, columns in tables for c in columns for key in _keys(c.key, c.deviation)))
     lines = [["pair_set", "detector", "name", "pairs", "k", "n_max", "n", *keys]]
-    for result, rows, columns in tables:
-        for detector, row in zip(result.detectors, rows, strict=True):
-            cells = {column.key: _text(column.value(row)) for column in columns}
-            cells |= {f"{c.key}_deviation": _text(c.deviation(row)) for c in columns if c.deviation}
-            protocol = [str(row.pairs), str(row.k), str(row.n_max), "" if row.n is None else str(row.n)]
-            lines.append([result.key, detector.key, detector.name, *protocol, *(cells.get(key, "") for key in keys)])
+    for result, columns in tables:
+        for method in result.detectors:
+            cells = {column.key: _text(column.value(method)) for column in columns}
+            cells |= {f"{c.key}_deviation": _text(c.deviation(method)) for c in columns if c.deviation}
+            n = main_budget(method)
+            protocol = [str(len(method.pairs)), str(main_k(method)), str(method.n_max), "" if n is None else str(n)]
+            lines.append([result.key, method.key, method.name, *protocol, *(cells.get(key, "") for key in keys)])
     return lines
 
 

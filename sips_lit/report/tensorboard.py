@@ -9,16 +9,14 @@ from torch.utils.tensorboard import SummaryWriter
 
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.report.columns import columns_of
-from sips_lit.report.summary import summary
 
 
 def log_numbers(writer: SummaryWriter, results: Sequence[PairSetResult]) -> None:
     """Logs ``benchmark/<set>/<detector>/<column>`` for each finite number of the tables."""
     for result in results:
-        rows = [summary(detector) for detector in result.detectors]
-        columns = columns_of(rows)
-        for detector, row in zip(result.detectors, rows, strict=True):
+        columns = columns_of(result.detectors)
+        for method in result.detectors:
             for column in columns:
-                value = column.value(row)
+                value = column.value(method)
                 if math.isfinite(value):
-                    writer.add_scalar(f"benchmark/{result.key}/{detector.key}/{column.key}", value)
+                    writer.add_scalar(f"benchmark/{result.key}/{method.key}/{column.key}", value)

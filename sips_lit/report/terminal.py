@@ -1,24 +1,25 @@
-"""A pair set in the terminal: a table of its detectors, best first, and a line that says how the numbers were obtained."""
+"""A pair set in the terminal: a table of its methods, best first, and a line that says how the numbers were obtained."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from tabulate import tabulate
 
-from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.result import PairSetResult
-from sips_lit.report.columns import OWN_N, columns_of, text_of
-from sips_lit.report.summary import summary
+from sips_lit.report.columns import OWN_N, best_first, columns_of, is_scored, text_of
+from sips_lit.report.summary import main_k
 
 
 def table(result: PairSetResult) -> str:
-    """The detectors of a pair set by AUC, as Markdown, without the times."""
-    summaries = [(detector.name, summary(detector)) for detector in result.detectors]
-    columns = [column for column in columns_of([s for _, s in summaries]) if not column.key.endswith("_ms")]
+    """The methods of a pair set by AUC, as Markdown, without the times."""
+    columns = [column for column in columns_of(result.detectors) if not column.key.endswith("_ms")]
     rows = [
-        [name if s.scored else f"{name} ({OWN_N})", *(text_of(column.value(s), column.digits) for column in columns)]
-        for name, s in sorted(summaries, key=lambda named: -named[1].auc)
+        [
+            method.name if is_scored(method) else f"{method.name} ({OWN_N})",
+            *(text_of(column.value(method), column.digits) for column in columns),
+        ]
+        for method in best_first(result.detectors)
     ]
     headers = ["detector", *(column.title for column in columns)]
     alignment = ("left", *["right"] * len(columns))
@@ -26,12 +27,20 @@ def table(result: PairSetResult) -> str:
     return str(tabulate(rows, headers=headers, tablefmt="pipe", disable_numparse=True, colalign=alignment))
 
 
-def protocol_line(result: PairSetResult, measures: Measures) -> str:
-    """One line that says how the numbers were obtained."""
+def protocol_line(result: PairSetResult) -> str:
+    """One line that says how the numbers were obtained; details within details are in the JSON."""
+    return ", ".join(_parts(result))
+
+
+def _parts(result: PairSetResult) -> Iterator[str]:
     p = result.protocol
-    checks = "; ".join(
-        ", ".join(f"{key}={value}" for key, value in check.items() if not isinstance(value, Mapping))
-        for check in p["verification"]
-    )
+    if result.detectors:
+        first = result.detectors[0]
+        yield f"k = {main_k(first)}"
+        yield f"at most {first.n_max} points"
     chosen = ", ".join(f"{key}={p[key]}" for key in ("kind", "overlap", "seed", "pairs_file") if key in p)
-    return f"{p['pairs']} pairs ({chosen}), at most {measures.n_max} points, {checks}"
+    yield f"{p['pairs']} pair{'' if p['pairs'] == 1 else 's'}" + (f" ({chosen})" if chosen else "")
+    if result.detectors and "search" in result.detectors[0].protocol:
+        yield f"{result.detectors[0].protocol['search']} search"
+    for check in p["verification"]:
+        yield ", ".join(f"{key}={value}" for key, value in check.items() if not isinstance(value, Mapping))

@@ -43,7 +43,9 @@ def test_many_detectors(benchmark, folders, checkpoint):
     for name in ("SIPs + RootSIFT", "| SIFT ", "SIFT + RootSIFT", "random + RootSIFT"):
         assert name in result.out
     assert "skipped superpoint: " in result.out
-    assert "3 pairs (kind=random, overlap=0.5, seed=0), at most 40 points, inliers=klt" in result.out
+    assert (
+        "k = 10, at most 40 points, 3 pairs (kind=random, overlap=0.5, seed=0), exact search, inliers=klt" in result.out
+    )
     run = folders / "run"
     assert (run / "report.html").stat().st_size
     assert (run / "data" / "pairs.csv").read_text().startswith("sequence,index0,index1,overlap\n")
@@ -93,8 +95,10 @@ def test_several_pair_sets(command, folders, frames, tmp_path):
     assert result.code == 0, result.err
     assert "\nFlight\n" in result.out
     assert "\nfilm\n" in result.out
-    assert "3 pairs (kind=first_to_others), at most 40 points, inliers=homography" in result.out
-    assert "2 pairs (kind=random, overlap=0.5, seed=0), at most 30 points, inliers=klt" in result.out
+    assert "k = 5, at most 40 points, 3 pairs (kind=first_to_others), exact search, inliers=homography" in result.out
+    assert (
+        "k = 6, at most 30 points, 2 pairs (kind=random, overlap=0.5, seed=0), exact search, inliers=klt" in result.out
+    )
     assert len((folders / "run" / "flight" / "pairs.csv").read_text().splitlines()) == 4
 
 

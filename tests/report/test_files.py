@@ -10,9 +10,9 @@ from benchmark_examples import NAMES, detector_result, pair_set, pair_table
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from sips_lit.evaluate.result import PairSetResult
+from sips_lit.report.columns import auc_of
 from sips_lit.report.files import write_report
 from sips_lit.report.pair_pictures import PairPicture
-from sips_lit.report.summary import summary
 
 VOID = {"meta", "input", "img", "br"}
 MACHINE = {"processor": "a test", "cores": "2"}
@@ -94,7 +94,7 @@ def test_the_page_says_it_all(report):
     _, result, _, text = report
     for detector in result.detectors:
         assert f">{detector.name}" in text
-        assert f"{summary(detector).auc:.3f}" in text
+        assert f"{auc_of(detector):.3f}" in text
     for words in (
         "a day in May",
         "a test",
@@ -115,7 +115,7 @@ def test_tensorboard(report):
     events = EventAccumulator(str(folder / "tensorboard")).Reload()
     assert "benchmark/kitti/succinctness" in events.Tags()["images"]
     (event,) = events.Scalars("benchmark/kitti/sift/auc")
-    auc = next(summary(d).auc for d in result.detectors if d.key == "sift")
+    auc = next(auc_of(d) for d in result.detectors if d.key == "sift")
     assert event.value == pytest.approx(auc, abs=1e-6)
 
 

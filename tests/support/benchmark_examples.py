@@ -86,7 +86,10 @@ def detector_result(
         {
             "detector": base,
             "descriptor": descriptor or "own",
+            "k": 10,
+            "n": 50,
             "n_max": n_max,
+            "search": "binary",
             "versions": {"numpy": "2", "opencv": "5"},
         },
         table,
