@@ -64,11 +64,11 @@ def test_a_pixel_without_depth_is_nan_also_where_images_are_shrunk(tmp_path):
 def test_no_depth_between_foreground_and_background(tmp_path, lens, max_side):
     frames = frames_in(tmp_path, lens)
     stored = np.full(SIZE[::-1], 1000, np.uint16)
-    stored[:, 77:] = 3000
+    stored[:, np.arange(SIZE[0]) // 7 % 2 == 1] = 3000  # stripes
     write_image(frames.depths[0], stored)
     depth = RgbdSequence(tmp_path, "desk", frames, max_side).depth(0)
-    assert set(np.unique(depth.round(5))) == {1, 3}  # metres, in float32
-    assert np.mean(depth == 1) == pytest.approx(77 / 160, abs=0.03)
+    assert set(np.unique(depth)) == {np.float32(1), 3000 * np.float32(UNIT)}
+    assert np.mean(depth < 2) == pytest.approx(np.mean(stored < 2000), abs=0.05)
 
 
 @pytest.mark.parametrize("max_side", [None, 80])
