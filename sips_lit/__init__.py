@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from sips_lit.types import Inliers as Inliers
     from sips_lit.types import Keypoints as Keypoints
     from sips_lit.types import Matches as Matches
+    from sips_lit.types import Norm as Norm
     from sips_lit.types import Reason as Reason
     from sips_lit.types import ViewGeometry as ViewGeometry
 
@@ -66,6 +67,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
         "GreyImage",
         "Keypoints",
         "Features",
+        "Norm",
         "Matches",
         "Inliers",
         "Reason",
