@@ -11,9 +11,11 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.structure.files import File, Files
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
 
 ROOT = Path(__file__).parents[1]
 PACKAGE, CONF = ROOT / "sips_lit", ROOT / "conf"
@@ -21,6 +23,8 @@ PACKAGE, CONF = ROOT / "sips_lit", ROOT / "conf"
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Adds the pages under reference/."""
+    from mkdocs.structure.files import File  # here, so that the tests read the pages without MkDocs
+
     pages = {"commands": commands_page(), "configuration": configuration_page(), "api": api_page()}
     for name, text in pages.items():
         files.append(File.generated(config, f"reference/{name}.md", content=text))

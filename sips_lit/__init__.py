@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from sips_lit.types import Descriptor as Descriptor
     from sips_lit.types import Detector as Detector
     from sips_lit.types import Features as Features
+    from sips_lit.types import FloatArray as FloatArray
     from sips_lit.types import FramePair as FramePair
     from sips_lit.types import GreyImage as GreyImage
     from sips_lit.types import ImageSequence as ImageSequence
@@ -65,6 +66,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
         "Camera",
         "ViewGeometry",
         "GreyImage",
+        "FloatArray",
         "Keypoints",
         "Features",
         "Norm",
