@@ -22,12 +22,14 @@ PACKAGE, CONF = ROOT / "sips_lit", ROOT / "conf"
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Adds the pages under reference/."""
+    """Adds the pages under reference/, and the colours of code."""
     from mkdocs.structure.files import File  # here, so that the tests read the pages without MkDocs
+    from pygments.formatters import HtmlFormatter
 
     pages = {"commands": commands_page(), "configuration": configuration_page(), "api": api_page()}
     for name, text in pages.items():
         files.append(File.generated(config, f"reference/{name}.md", content=text))
+    files.append(File.generated(config, "code.css", content=HtmlFormatter().get_style_defs(".highlight")))
     return files
 
 

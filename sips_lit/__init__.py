@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from sips_lit.inliers.klt import KltInliers as KltInliers
     from sips_lit.inliers.pose_depth import PoseDepthInliers as PoseDepthInliers
     from sips_lit.inliers.stereo_p3p import StereoP3PInliers as StereoP3PInliers
+    from sips_lit.inliers.verification import VerifiedPair as VerifiedPair
+    from sips_lit.inliers.verification import verify as verify
     from sips_lit.match.mutual_nearest import distances as distances
     from sips_lit.match.mutual_nearest import mutual_nearest as mutual_nearest
     from sips_lit.metrics.calibration import Calibration as Calibration
@@ -100,6 +102,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "inliers.stereo_p3p": ("StereoP3PInliers",),
     "inliers.homography": ("HomographyInliers",),
     "inliers.pose_depth": ("PoseDepthInliers",),
+    "inliers.verification": ("verify", "VerifiedPair"),
     "metrics.succinctness": ("Succinctness", "SuccinctnessResult"),
     "metrics.calibration": ("Calibration", "CalibrationResult"),
     "metrics.pose_auc": ("PoseAuc", "pose_auc"),
