@@ -11,12 +11,16 @@ if TYPE_CHECKING:
     from sips_lit.datasets.posed_depth import posed_depth as posed_depth
     from sips_lit.datasets.rgbd import rgbd as rgbd
     from sips_lit.datasets.robotcar import robotcar as robotcar
+    from sips_lit.datasets.spec import DatasetSpec as DatasetSpec
+    from sips_lit.datasets.spec import any_of as any_of
+    from sips_lit.datasets.spec import at_least as at_least
     from sips_lit.datasets.tum_mono import tum_mono as tum_mono
     from sips_lit.datasets.virtual_flight import virtual_flight as virtual_flight
     from sips_lit.describe.orb import OrbDescriptor as OrbDescriptor
     from sips_lit.describe.sift import RootSift as RootSift
     from sips_lit.describe.sift import SiftDescriptor as SiftDescriptor
     from sips_lit.describe.surf import SurfDescriptor as SurfDescriptor
+    from sips_lit.detect.base import BaseDetector as BaseDetector
     from sips_lit.detect.budget import Budget as Budget
     from sips_lit.detect.detector import SipsDetector as SipsDetector
     from sips_lit.errors import BadInputError as BadInputError
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
     from sips_lit.frames.images import read_grey as read_grey
     from sips_lit.frames.video import video as video
     from sips_lit.inliers.homography import HomographyInliers as HomographyInliers
+    from sips_lit.inliers.independent import IndependentCheck as IndependentCheck
     from sips_lit.inliers.klt import KltInliers as KltInliers
     from sips_lit.inliers.pose_depth import PoseDepthInliers as PoseDepthInliers
     from sips_lit.inliers.stereo_p3p import StereoP3PInliers as StereoP3PInliers
@@ -57,6 +62,7 @@ if TYPE_CHECKING:
     from sips_lit.types import Matches as Matches
     from sips_lit.types import Norm as Norm
     from sips_lit.types import Reason as Reason
+    from sips_lit.types import ScoreKind as ScoreKind
     from sips_lit.types import ViewGeometry as ViewGeometry
 
     __version__: str
@@ -75,6 +81,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
         "Matches",
         "Inliers",
         "Reason",
+        "ScoreKind",
         "Detector",
         "Descriptor",
         "InlierCheck",
@@ -91,9 +98,11 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "datasets.posed_depth": ("posed_depth",),
     "datasets.hpatches": ("hpatches",),
     "datasets.virtual_flight": ("virtual_flight",),
+    "datasets.spec": ("DatasetSpec", "any_of", "at_least"),
     "pairs.sampler": ("read_pair",),
     "detect.detector": ("SipsDetector",),
     "detect.budget": ("Budget",),
+    "detect.base": ("BaseDetector",),
     "describe.sift": ("RootSift", "SiftDescriptor"),
     "describe.orb": ("OrbDescriptor",),
     "describe.surf": ("SurfDescriptor",),
@@ -102,6 +111,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "inliers.stereo_p3p": ("StereoP3PInliers",),
     "inliers.homography": ("HomographyInliers",),
     "inliers.pose_depth": ("PoseDepthInliers",),
+    "inliers.independent": ("IndependentCheck",),
     "inliers.verification": ("verify", "VerifiedPair"),
     "metrics.succinctness": ("Succinctness", "SuccinctnessResult"),
     "metrics.calibration": ("Calibration", "CalibrationResult"),

@@ -1,5 +1,6 @@
 """What the documentation tells readers to type works: commands, keys, files, and the package of their own."""
 
+import importlib
 import importlib.util
 import re
 import shlex
@@ -124,8 +125,9 @@ def test_the_reference_holds_every_public_name(generated):
     assert shown == set(sips_lit.__all__) - {"__version__"}
 
 
-def made(my_package, part: str):
-    return instantiate(OmegaConf.load(my_package / "conf" / f"{part}.yaml"))
+def made(my_package, part: str, node: str | None = None):
+    config = OmegaConf.load(my_package / "conf" / f"{part}.yaml")
+    return instantiate(config if node is None else config[node])
 
 
 def test_the_documented_detector_keeps_the_promises(my_package):
@@ -187,3 +189,20 @@ def test_the_documented_check_knows_epipolar_lines(my_package):
     assert set(answer.reason[10:]) == {Reason.FAR}
     with pytest.raises(BadInputError, match="has no poses"):
         check(FramePair("pair", 0, 1, (), image, image), *sides, Matches(np.arange(20), np.arange(20)))
+
+
+def test_the_documented_metric_is_the_ratio_of_all_matches(my_package):
+    callback = made(my_package, "callbacks/inlier_ratio", "inlier_ratio")
+    assert callback.n == 50
+    for inliers, matches in ((3, 4), (0, 8)):
+        callback.metric.update(inliers, matches)
+    assert callback.metric.compute() == 3 / 12
+
+
+def test_the_documented_data_set_is_recognised(my_package, tmp_path):
+    spec = importlib.import_module("my_package.rover").SPEC
+    assert spec.sign(tmp_path) is None
+    (tmp_path / "first" / "images").mkdir(parents=True)
+    (tmp_path / "first" / "poses.txt").touch()
+    assert spec.sign(tmp_path) == "first/images, first/poses.txt"
+    assert OmegaConf.load(my_package / "conf" / "data" / "rover.yaml")["_target_"] == "my_package.rover.rover"

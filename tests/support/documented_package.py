@@ -7,7 +7,7 @@ from pathlib import Path
 
 from markdown_code import ROOT, blocks
 
-PAGES = ("own-detector", "own-descriptor", "own-data-set", "own-label-source")
+PAGES = ("own-detector", "own-descriptor", "own-data-set", "own-label-source", "own-metric")
 CONFIGURATION = re.compile(r"`my_package/(conf/\w+/(\w+)\.yaml)`")
 
 
