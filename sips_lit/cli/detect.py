@@ -12,12 +12,12 @@ from omegaconf import DictConfig
 
 from sips_lit.cli.app import run
 from sips_lit.cli.options import typed
-from sips_lit.detect.batch import DetectionSummary, detect_stream
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
+from sips_lit.inference.batch import DetectionSummary, detect_stream
 from sips_lit.inference.streams import FrameStream, open_stream
 from sips_lit.inference.writers import Format, PointWriter, open_writer
 

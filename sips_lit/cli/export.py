@@ -20,7 +20,7 @@ from sips_lit.files import make_folder
 FORMATS = ("safetensors", "onnx")
 
 SAFETENSORS_USAGE = """\
-from sips_lit.detect.detector import SipsDetector
+from sips_lit import SipsDetector
 detector = SipsDetector.from_checkpoint({path!r})
 keypoints = detector("image.png", n=50)"""
 

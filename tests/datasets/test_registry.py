@@ -43,7 +43,7 @@ def test_inliers_are_names_of_checks(kind):
 
 
 def test_the_documentation_says_the_same():
-    lines = (ROOT / "docs" / "data.md").read_text().splitlines()
+    lines = (ROOT / "docs" / "explanation" / "data-sets.md").read_text().splitlines()
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if re.match(r"\| `\w+` \|", line)]
     rows = {row[0].strip("`"): row[1:] for row in cells if len(row) == 5}
     assert set(rows) == set(SPECS) | NO_LAYOUT

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from textured_scenes import keypoints
 
-from sips_lit.detect.batch import DetectionSummary, detect_stream
 from sips_lit.detect.budget import Budget
 from sips_lit.errors import BadInputError
+from sips_lit.inference.batch import DetectionSummary, detect_stream
 from sips_lit.inference.streams import Frame, FrameStream
 from sips_lit.types import GreyImage, Keypoints
 

@@ -1,0 +1,75 @@
+"""Tasks: nox runs lint, types, contracts and docs; nox -s tests -- tests/detect the tests of a folder.
+
+Sessions use the environment that nox runs in (pip install -c constraints.txt -e '.[dev]'): torch is large, and is not
+installed once more for each of them.
+"""
+
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import nox
+
+nox.options.default_venv_backend = "none"
+nox.options.sessions = ["lint", "types", "contracts", "docs"]
+
+PROGRAMS = Path(sys.executable).parent
+
+
+def run(session: nox.Session, program: str, *arguments: str, **options: object) -> None:
+    """Runs a program of this environment, whether or not it is activated."""
+    session.run(str(PROGRAMS / program), *arguments, external=True, **options)
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Style."""
+    run(session, "ruff", "check", ".")
+    run(session, "ruff", "format", "--check", ".")
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """Annotations."""
+    run(session, "mypy")
+
+
+@nox.session
+def contracts(session: nox.Session) -> None:
+    """Imports run downward."""
+    run(session, "lint-imports", "--no-logo", env={"PYTHONPATH": "."})
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """The site, without broken links."""
+    run(session, "mkdocs", "build", "--strict", "--quiet")
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """The tests, of what is named after -- or all."""
+    run(session, "pytest", *session.posargs)
+
+
+@nox.session
+def coverage(session: nox.Session) -> None:
+    """The tests with coverage; fails below the floor in pyproject.toml."""
+    run(session, "pytest", "--cov", "--cov-report=term:skip-covered", *session.posargs)
+
+
+@nox.session
+def quick(session: nox.Session) -> None:
+    """A short real training run with a comparison, and an export of what it trained."""
+    folder = Path(tempfile.mkdtemp())
+    places = {"SIPS_LIT_DATA": str(folder / "data"), "SIPS_LIT_OUTPUTS": str(folder / "outputs")}
+    short = ["trainer.max_steps=20", "datamodule.val_pairs=4", "compare.pairs=4", f"hydra.run.dir={folder / 'run'}"]
+    checkpoint = folder / "run" / "checkpoints" / "last.ckpt"
+    try:
+        run(session, "sips-train", "experiment=quickstart", *short, env=places)
+        if not checkpoint.stat().st_size:
+            session.error(f"{checkpoint} is empty")
+        run(session, "sips-export", f"checkpoint={checkpoint}", "format=onnx", f"output={folder / 'sips.onnx'}")
+    finally:
+        shutil.rmtree(folder)
