@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from sips_lit.baselines.orb import OrbDetector as OrbDetector
+    from sips_lit.baselines.shi_tomasi import ShiTomasi as ShiTomasi
+    from sips_lit.baselines.sift import SiftDetector as SiftDetector
     from sips_lit.datasets.euroc import euroc as euroc
     from sips_lit.datasets.hpatches import hpatches as hpatches
     from sips_lit.datasets.kitti import kitti as kitti
@@ -24,6 +27,9 @@ if TYPE_CHECKING:
     from sips_lit.detect.budget import Budget as Budget
     from sips_lit.detect.detector import SipsDetector as SipsDetector
     from sips_lit.errors import BadInputError as BadInputError
+    from sips_lit.evaluate.detector import evaluate_detector as evaluate_detector
+    from sips_lit.evaluate.measures import Measures as Measures
+    from sips_lit.evaluate.result import MethodResult as MethodResult
     from sips_lit.frames.folder import folder as folder
     from sips_lit.frames.images import read_grey as read_grey
     from sips_lit.frames.video import video as video
@@ -103,6 +109,9 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "detect.detector": ("SipsDetector",),
     "detect.budget": ("Budget",),
     "detect.base": ("BaseDetector",),
+    "baselines.sift": ("SiftDetector",),
+    "baselines.orb": ("OrbDetector",),
+    "baselines.shi_tomasi": ("ShiTomasi",),
     "describe.sift": ("RootSift", "SiftDescriptor"),
     "describe.orb": ("OrbDescriptor",),
     "describe.surf": ("SurfDescriptor",),
@@ -118,6 +127,9 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "metrics.pose_auc": ("PoseAuc", "pose_auc"),
     "metrics.repeatability": ("move_points", "repeated", "MovedPoints", "Repeated"),
     "metrics.spread": ("spread",),
+    "evaluate.detector": ("evaluate_detector",),
+    "evaluate.measures": ("Measures",),
+    "evaluate.result": ("MethodResult",),
 }
 """The public names by their modules, in the order of the data; the imports above are the same list for type checkers."""
 

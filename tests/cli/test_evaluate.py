@@ -1,20 +1,26 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 import torch
 from cli_runs import write_frames
 from textured_scenes import texture
 
+from sips_lit.baselines.sift import SiftDetector
 from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.evaluate.detector import evaluate_detector
+from sips_lit.evaluate.measures import Measures
+from sips_lit.frames.folder import folder
+from sips_lit.inliers.klt import KltInliers
 
 
 @pytest.fixture
 def evaluate(command, frames, folders):
     """``evaluate("detector=sift")`` evaluates on a tiny sequence."""
 
-    def run(*arguments: str, folder: str = "run"):
-        data = "data=folder", f"data.path={frames}", f"hydra.run.dir={folders}/{folder}"
+    def run(*arguments: str, into: str = "run"):
+        data = "data=folder", f"data.path={frames}", f"hydra.run.dir={folders}/{into}"
         return command("evaluate", *data, "pairs=4", "k=8", "n_max=60", "ks=[]", "n=20", "calibration=[20]", *arguments)
 
     return run
@@ -55,9 +61,9 @@ def test_a_checkpoint(evaluate, folders, checkpoint):
 
 
 def test_the_same_result_twice(evaluate, folders, checkpoint):
-    for folder in ("one", "two"):
-        assert evaluate(f"checkpoint={checkpoint}", f"features={folders}/{folder}_features", folder=folder).code == 0
-    one, two = (stored(folders / folder) for folder in ("one", "two"))
+    for run in ("one", "two"):
+        assert evaluate(f"checkpoint={checkpoint}", f"features={folders}/{run}_features", into=run).code == 0
+    one, two = (stored(folders / run) for run in ("one", "two"))
     assert {**one, "milliseconds": 0} == {**two, "milliseconds": 0}
     name = "data/sips_rootsift_all.csv"
     assert (folders / "one" / name).read_text() == (folders / "two" / name).read_text()
@@ -73,6 +79,14 @@ def test_detectors_with_descriptors_of_their_own_or_a_common_one(evaluate, folde
     assert found["calibration"] == {}
     assert all(n == "inf" or 8 <= n <= 60 for (needed,) in found["n_k"] for n in needed)
     assert any(n != "inf" for (needed,) in found["n_k"] for n in needed)
+
+
+def test_the_same_numbers_as_a_call(evaluate, folders, frames):
+    assert evaluate("detector=sift", "descriptor=own").code == 0
+    measures = Measures(k=8, ks=(), n_max=60, n=20)
+    found = evaluate_detector(SiftDetector(), folder(frames), KltInliers(), pairs=4, measures=measures)
+    needed = [float(n) for ((n,),) in stored(folders / "run")["n_k"]]
+    np.testing.assert_array_equal(found.n_k[:, 0, 0], needed)
 
 
 @pytest.mark.parametrize("detector", ["fast", "shi_tomasi", "harris", "random", "grid"])
@@ -94,7 +108,7 @@ def test_learned_points_without_descriptors(evaluate, checkpoint):
 def test_search_by_halving(evaluate, folders, checkpoint):
     exact, binary = {}, {}
     for search, needed in (("exact", exact), ("binary", binary)):
-        result = evaluate(f"checkpoint={checkpoint}", f"search={search}", folder=search)
+        result = evaluate(f"checkpoint={checkpoint}", f"search={search}", into=search)
         assert result.code == 0, result.err
         with (folders / search / "data" / "sips_rootsift_pairs.csv").open() as handle:
             needed |= {row["name"]: float(row["nmin"]) for row in csv.DictReader(handle)}

@@ -1,5 +1,6 @@
 """A detector, a descriptor, a data set and a label source of the user's own, in his package, in every command."""
 
+import csv
 import json
 import os
 import subprocess
@@ -27,6 +28,27 @@ class Blobs(BaseDetector):
         corners = cv2.goodFeaturesToTrack(cv2.GaussianBlur(image, (0, 0), self.sigma), max(n, 1), 1e-4, 3)
         xy = np.zeros((0, 2)) if corners is None else corners.reshape(-1, 2)[:n]
         return Keypoints(xy.astype(np.float32), np.arange(len(xy), 0, -1, dtype=np.float32), np.ones(len(xy), np.float32))
+
+
+class Careless(Blobs):
+    name = "Careless"
+
+    def __init__(self, sigma=2.0, wrong=("blank", "outside", "twice", "unsorted")):
+        self.sigma, self.wrong = sigma, wrong
+
+    def detect(self, image, n):
+        good = super().detect(image, n)
+        xy, score = good.xy, good.score
+        if "blank" in self.wrong:
+            xy, score = np.concatenate([xy[:5] * np.nan, xy]), np.concatenate([score[:5] + 99, score])
+        if "outside" in self.wrong:
+            xy, score = np.concatenate([xy[-3:] + 1000, xy]), np.concatenate([score[-3:] + 99, score])
+        if "twice" in self.wrong:
+            xy, score = np.repeat(xy, 2, 0), np.repeat(score, 2)
+        if "unsorted" in self.wrong:
+            order = np.random.default_rng(0).permutation(len(xy))
+            xy, score = xy[order], score[order]
+        return Keypoints(xy, score, np.ones(len(xy), np.float32))
 
 
 class Patch:
@@ -68,6 +90,7 @@ class KnownPan(IndependentCheck):
 """
 CONF = {
     "detector/blobs": "_target_: my_points.parts.Blobs\nsigma: 1.5\n",
+    "detector/careless": "_target_: my_points.parts.Careless\nsigma: 1.5\n",
     "descriptor/patch": "_target_: my_points.parts.Patch\n",
     "data/pan": "_target_: my_points.parts.pan\nseed: 3\n",
     "inliers/known_pan": "_target_: my_points.parts.KnownPan\n",
@@ -121,6 +144,25 @@ def test_a_benchmark(run, tmp_path):
     assert pair_set["protocol"]["verification"] == [{"inliers": "known_pan"}]
     assert pair_set["protocol"]["sequences"] == ["pan"]
     assert all(n != "inf" for method in pair_set["detectors"] for (needed,) in method["n_k"] for n in needed)
+
+
+def needed(path):
+    with path.open() as handle:
+        return [row["nmin"] for row in csv.DictReader(handle)]
+
+
+@pytest.mark.parametrize("wrong", ["blank", "outside", "twice", "unsorted"])
+def test_points_are_sanitised_alike_in_every_command_and_that_is_said(run, tmp_path, wrong):
+    """Careless points give the numbers of the same corners in order, in sips-evaluate as in sips-benchmark."""
+    one = run("evaluate", *MINE, *SMALL, "detector=careless", f"+detector.wrong=[{wrong}]")
+    many = run("benchmark", *MINE, *SMALL, f"detectors=[blobs,{{careless:{{wrong:[{wrong}]}}}}]")
+    (said,) = [line for line in one.splitlines() if line.startswith("sanitised: Careless + Patch: ")]
+    assert said.partition("Patch: ")[2] in many
+    assert {"blank": "invalid", "outside": "outside", "twice": "duplicates", "unsorted": "sorted"}[wrong] in said
+    good = needed(tmp_path / "benchmark" / "data" / "blobs_patch_pairs.csv")
+    (careless,) = (tmp_path / "benchmark" / "data").glob("careless*_pairs.csv")
+    assert needed(tmp_path / "evaluate" / "data" / "careless_patch_pairs.csv") == needed(careless) == good
+    assert "inf" not in good
 
 
 def test_an_evaluation(run):
