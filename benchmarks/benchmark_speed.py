@@ -1,4 +1,4 @@
-"""Succinctness by true poses of many pairs, with kept features, against matching and verifying anew at every n.
+"""Succinctness by true poses of many pairs, with cached features, against matching and verifying anew at every n.
 
 python benchmarks/benchmark_speed.py [KITTI] [--p3p]: with a KITTI odometry folder real stereo pairs, without one a made-up
 wall. ``--p3p`` times the search with P3P in RANSAC as well (100 pairs, 5 repeats, k = 10).
@@ -94,10 +94,10 @@ def main() -> None:
             listed = [ListedPair(0, int(a), int(a + b), np.nan) for a, b in starts]
         cache = Path(folder) / "features"
         extract_all(method, PairSet(sources, listed, PoseDepthInliers()), cache, N_MAX, "features")
-        # a fresh start: only the features are kept
+        # a fresh start: only the features are cached
         pairs = PairSet(sources, listed, PoseDepthInliers())
         measures = Measures(n_max=N_MAX, pose=False, budgets=())
-        for frames in ("frames read anew", "frames in memory"):  # as for the first detector, as for all others
+        for frames in ("frames read anew", "frames cached"):  # as for the first detector, as for all others
             start = time.perf_counter()
             (result,) = run_methods([method], pairs, measures, cache, workers=1)
             fast = time.perf_counter() - start
@@ -106,7 +106,7 @@ def main() -> None:
         assert needed == result.n_k[: len(needed), 0, result.ks.index(K)].tolist(), "the two ways disagree"
         each = slow / len(needed)
         ratio = each / (fast / len(pairs))
-        print(f"anew at every n: {1e3 * each:.0f} ms a pair, {ratio:.0f} times as long (wanted: 5 times), same n_k")
+        print(f"anew at every n: {1e3 * each:.0f} ms per pair, {ratio:.0f} times as long (wanted: 5 times), same n_k")
         if arguments.p3p:
             pairs = PairSet(sources, listed, StereoP3PInliers())
             start = time.perf_counter()

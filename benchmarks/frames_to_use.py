@@ -11,7 +11,7 @@ from sips_lit.types import GreyImage, ImageSequence
 
 
 class Film(ImageSequence):
-    """Frames in memory, without any known geometry."""
+    """Frames from an array, without any known geometry."""
 
     def __init__(self, frames: list[GreyImage], name: str) -> None:
         self.frames, self.name, self.fingerprint = frames, name, f"{name}{len(frames)}"

@@ -71,7 +71,7 @@ def main() -> None:
             found = [pair_label_quality(pair, detector, descriptor, check, truth, POINTS) for pair in pairs]
             rows.append(row(overlap, name, detector.name, "all", len(pairs), sum(found, LabelQuality())))
             rows += [row(overlap, name, detector.name, *part) for part in by_gap(gaps, found, BORDERS) if part[1]]
-    print(f"{data}, {POINTS} points an image, RootSIFT, pairs drawn as in training, OpenCV {cv2.__version__}\n")
+    print(f"{data}, {POINTS} points per image, RootSIFT, pairs drawn as in training, OpenCV {cv2.__version__}\n")
     print(tabulate(rows, headers=HEADERS, tablefmt="github", floatfmt=".3f"))
 
 

@@ -14,7 +14,7 @@ from sips_lit.tracking.klt import KltTracker
 
 
 def bare_klt(film: Film, count: int) -> float:
-    """Seconds a frame of forth and back on ``count`` points."""
+    """Seconds per frame of forward-backward tracking of ``count`` points."""
     tracker = KltTracker()
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, tracker.iterations, tracker.accuracy)
     options = {"winSize": (tracker.window, tracker.window), "maxLevel": tracker.max_level, "criteria": stop}
@@ -28,14 +28,14 @@ def bare_klt(film: Film, count: int) -> float:
 
 
 def index_time(film: Film) -> tuple[float, float]:
-    """Seconds a frame of the whole index, and points a frame."""
+    """Seconds per frame of the whole index, and points per frame."""
     start = time.perf_counter()
     index = measure_overlap(film, OverlapParameters())
     return (time.perf_counter() - start) / (len(film) - 1), float(index.points.mean())
 
 
 def peak_memory(film: Film, times: int) -> int:
-    """Bytes that Python and NumPy allocate at most while a film, shown forth and back ``times`` times, is indexed."""
+    """Bytes that Python and NumPy allocate at most while a film, played forward and backward ``times`` times, is indexed."""
     loop = film.frames + film.frames[-2:0:-1]
     long_film = Film(loop * times, film.name)
     tracemalloc.start()
@@ -54,7 +54,7 @@ def main() -> None:
         bare = bare_klt(film, round(points))
         pairs.append((bare / own, own, bare))
     ratio, own, bare = np.median(pairs, axis=0)
-    print(f"{points:.0f} points a frame: index {1 / own:.1f} frames/s, bare KLT {1 / bare:.1f} frames/s")
+    print(f"{points:.0f} points per frame: index {1 / own:.1f} frames/s, bare KLT {1 / bare:.1f} frames/s")
     print(f"index / bare = {ratio:.2f} (median of 5; wanted: at least 0.60)")
     short, long = peak_memory(film, 2), peak_memory(film, 8)
     print(

@@ -35,7 +35,7 @@ class Camera:
 class ImageSequence(ABC):
     """Images of one moving camera in temporal order, with whatever else the data set knows about them.
 
-    ``temporal`` is False where the order means nothing: every pair is then judged by itself, and sizes may differ.
+    ``temporal`` is False where the order means nothing: every pair then stands for itself, and sizes may differ.
 
     ``name`` is unique within a run and safe as a file name. ``fingerprint`` changes whenever the frames change; caches
     and indexes are keyed by it. Everything beyond ``frame`` is optional and is None where the data set lacks it.

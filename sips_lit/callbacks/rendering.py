@@ -7,14 +7,12 @@ from typing import Any
 
 import cv2
 import lightning as L
-import torch
 
 from sips_lit.callbacks.tensorboard import writer_of
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.detect.selection import image_tensor
+from sips_lit.detect.selection import score_map
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.render.matches import draw_matches
-from sips_lit.types import FloatArray, GreyImage
 
 
 class MatchPictures(L.Callback):
@@ -61,11 +59,3 @@ class MatchPictures(L.Callback):
         if self.folder is not None:
             self.folder.mkdir(parents=True, exist_ok=True)
             cv2.imwrite(str(self.folder / f"matches_{batch_idx}.png"), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-
-
-@torch.no_grad()
-def score_map(network: ScoreNetwork, image: GreyImage) -> FloatArray:
-    """Probability (H, W) float32 of every pixel of an image (H, W) at full resolution."""
-    device = next(network.parameters()).device
-    scores: FloatArray = torch.sigmoid(network(image_tensor(image, device)))[0, 0].cpu().numpy()
-    return scores

@@ -93,7 +93,7 @@ def report(
     if stream.total is not None and stream.total != summary.frames:
         count += f" (of {stream.total} announced)"
     mean = summary.points / max(1, summary.frames)
-    lines = [f"{count}, {mean:.1f} points a frame on average ({budget})"]
+    lines = [f"{count}, {mean:.1f} points per frame on average ({budget})"]
     if summary.short:
         lines.append(
             f"{summary.short} of them have too few good points for {budget.k} inliers with probability "

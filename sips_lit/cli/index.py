@@ -23,7 +23,7 @@ SHOWN = 40  # lines of a table that a terminal can show
 
 
 def index(config: DictConfig) -> None:
-    """Indexes a share of the data, prints one line a sequence and what failed.
+    """Indexes a share of the data, prints one line per sequence and what failed.
 
     Raises BadInputError at the end when a recording failed.
     """
@@ -77,7 +77,7 @@ def is_mixture(data: DictConfig) -> bool:
 def report(rows: list[IndexedSequence], overlap: float) -> str:
     """A table of the sequences if they are few, a line of totals if not, and the recordings that failed."""
     indexed, failed = [row for row in rows if not row.failed], [row for row in rows if row.failed]
-    headers = ["sequence", "frames", "points a frame", "median reach (frames)", f"pairs of overlap >= {overlap:g}"]
+    headers = ["sequence", "frames", "points per frame", "median reach (frames)", f"pairs of overlap >= {overlap:g}"]
     bad = any(row.unreadable for row in indexed)
     if bad:
         headers.append("unreadable frames")

@@ -66,7 +66,7 @@ def comparison(config: DictConfig, checkpoint: Path) -> DictConfig:
 
 
 def log_settings(trainer: L.Trainer, config: DictConfig) -> None:
-    """The settings of the run for TensorBoard's table of runs, with the metric that they are judged by."""
+    """The settings of the run for TensorBoard's table of runs, with the metric that compares them."""
     parts = {key: OmegaConf.to_container(config[key], resolve=True) for key in ("model", "optim", "augment")}
     settings = {name: value for name, value in _flat(parts) if not name.endswith(("_target_", "_partial_"))}
     settings |= {"seed": config.seed, "points": config.module.points, "overlap": config.datamodule.overlap}

@@ -16,7 +16,7 @@ from sips_lit.frames.images import list_images
 from sips_lit.types import Camera, FloatArray, ImageSequence
 
 LAYOUT = (
-    "the layout is images (0000000000.jpg, ...), poses.txt (one row of 12 numbers an image), cam.txt (3x3) and one "
+    "the layout is images (0000000000.jpg, ...), poses.txt (one row of 12 numbers per image), cam.txt (3x3) and one "
     "depth_*.npz (an array in metres an image, named like it, 0 where unknown)"
 )
 
@@ -38,7 +38,7 @@ class PosedDepthSequence(FolderSequence):
         self._poses = read_pose_rows(poses)
         if len(self._poses) != len(files):
             raise BadInputError(
-                f"{poses} has {len(self._poses)} poses for {len(files)} images: it needs one row an image"
+                f"{poses} has {len(self._poses)} poses for {len(files)} images: it needs one row per image"
             )
         self._check_names()
         self.fingerprint = files_fingerprint([poses, camera, self.archive], "posed depth 1", self.fingerprint)

@@ -116,7 +116,7 @@ class MonoSequence(ImageSequence):
         return None if self._lens is None or self._pinhole is None else Rectification(self._lens, self._pinhole)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the tables that each process makes for itself: several megabytes a sequence."""
+        """Without the tables that each process makes for itself: several megabytes per sequence."""
         return {key: value for key, value in self.__dict__.items() if key not in ("_correction", "_rectification")}
 
 

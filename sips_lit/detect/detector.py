@@ -13,7 +13,7 @@ from torch import Tensor
 from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.detect.selection import PointSelector, image_tensor
+from sips_lit.detect.selection import PointSelector, image_tensor, score_map
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey
 from sips_lit.types import FloatArray, GreyImage, Keypoints, ScoreKind
@@ -63,12 +63,9 @@ class SipsDetector(BaseDetector):
             raise BadInputError(f"n is {n}: ask for a number of points that is not negative")
         return self.selector.select(self.network, image_tensor(image, self.device), n).keypoints
 
-    @torch.no_grad()
     def score_map(self, image: GreyImage) -> FloatArray:
         """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution."""
-        logits = self.network(image_tensor(image, self.device))
-        scores: FloatArray = torch.sigmoid(logits)[0, 0].cpu().numpy()
-        return scores
+        return score_map(self.network, image)
 
 
 def as_grey(image: Any) -> GreyImage:

@@ -14,7 +14,7 @@ from sips_lit.detect.pyramid import image_pyramid, suppress_across_levels, to_fu
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.detect.subpixel import quadratic_offsets
 from sips_lit.errors import BadInputError
-from sips_lit.types import GreyImage, Keypoints
+from sips_lit.types import FloatArray, GreyImage, Keypoints
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,3 +105,12 @@ def logits_at(network: ScoreNetwork, image: Tensor, points: SelectedPoints, grad
 def image_tensor(image: GreyImage, device: torch.device | str = "cpu") -> Tensor:
     """Grey uint8 (H, W) as the network's input (1, 1, H, W) float32 with values 0 to 255."""
     return torch.from_numpy(np.ascontiguousarray(image)).to(device)[None, None].float()
+
+
+@torch.no_grad()
+def score_map(network: ScoreNetwork, image: GreyImage) -> FloatArray:
+    """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution."""
+    scores: FloatArray = (
+        torch.sigmoid(network(image_tensor(image, next(network.parameters()).device)))[0, 0].cpu().numpy()
+    )
+    return scores

@@ -46,7 +46,7 @@ def _correlation(image0: GreyImage, image1: GreyImage) -> float:
 
 
 def _survival(tracker: KltTracker, image0: GreyImage, image1: GreyImage) -> float:
-    """Fraction of the corners that KLT tracks forth and back; 0 if there are none to track."""
+    """Fraction of the corners that forward-backward KLT tracks; 0 if there are none to track."""
     corners = cv2.goodFeaturesToTrack(image0, 150, 0.01, 5)
     if corners is None:
         return 0.0

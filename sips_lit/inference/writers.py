@@ -93,7 +93,7 @@ class CsvWriter:
         return f"{self.path.name} ({self.rows} rows)"
 
     def write(self, frame: Frame, keypoints: Keypoints) -> None:
-        """Appends one row a point."""
+        """Appends one row per point."""
         numbers = np.column_stack([keypoints.xy, keypoints.score, keypoints.scale])
         self._append([[frame.name, *(str(number) for number in row)] for row in numbers])  # shortest exact float32
         self.rows += len(keypoints)

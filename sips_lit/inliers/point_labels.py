@@ -1,4 +1,4 @@
-"""From judged matches to labelled points."""
+"""From verified matches to labelled points."""
 
 from __future__ import annotations
 

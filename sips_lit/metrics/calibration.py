@@ -49,7 +49,7 @@ class CalibrationResult:
 
     @property
     def points(self) -> int:
-        """How many points were judged."""
+        """How many points were counted."""
         return int(self.count.sum())
 
 

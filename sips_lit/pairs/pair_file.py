@@ -27,7 +27,7 @@ class ListedPair:
 
 
 def write_pair_file(path: Path, sequences: Sequence[ImageSequence], pairs: Sequence[ListedPair]) -> None:
-    """Writes a CSV with a row a pair: name of the sequence, both indices, overlap (empty where unknown)."""
+    """Writes a CSV with a row per pair: name of the sequence, both indices, overlap (empty where unknown)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)

@@ -1,4 +1,4 @@
-"""Bidirectional KLT: sparse optical flow that must go forth and back (paper, label generation)."""
+"""Forward-backward KLT: sparse optical flow that must lead back to where it began (paper, label generation)."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class KltTracker:
     """Lucas-Kanade with pyramids and the forward-backward check.
 
     ``window``: side of the patch in pixels; ``max_level``: pyramid levels above the image; ``iterations`` a level at most,
-    fewer once an update is below ``accuracy`` pixels; ``max_roundtrip``: a step holds if going forth and back returns
-    within this many pixels; ``margin``: and if the point stays this far inside the image.
+    fewer once an update is below ``accuracy`` pixels; ``max_roundtrip``: a step holds if tracking forward and backward
+    returns within this many pixels; ``margin``: and if the point stays this far inside the image.
     """
 
     window: int = 15

@@ -6,7 +6,8 @@ import torch
 from textured_scenes import flight
 from validation_pairs import Module, validate, verified
 
-from sips_lit.callbacks.rendering import MatchPictures, score_map
+from sips_lit.callbacks.rendering import MatchPictures
+from sips_lit.detect.selection import score_map
 
 
 def test_pictures_of_the_first_pairs(writer, tmp_path):

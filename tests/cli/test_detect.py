@@ -62,7 +62,7 @@ def test_an_image(detect, frames, folders, checkpoint):
     np.testing.assert_array_equal(stored["scales"], points.scale)
     np.testing.assert_array_equal(stored["image_size"], [128, 96])
     assert cv2.imread(str(folders / "points" / "overlay" / "003.png")).shape == (96, 128, 3)
-    assert "1 frame, 20.0 points a frame on average (the best 20)" in result.out
+    assert "1 frame, 20.0 points per frame on average (the best 20)" in result.out
     assert f"wrote to {folders}/points: 1 npz file, points.csv (20 rows), overlay/ (1 picture)" in result.out
 
 
