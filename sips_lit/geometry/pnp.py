@@ -18,6 +18,7 @@ from sips_lit.types import Camera, FloatArray
 
 ESTIMATOR: Final = f"P3P in LO-RANSAC, PoseLib {poselib.__version__}"
 """For protocols."""
+_UNIT_CAMERA: Final = {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [1.0, 0.0, 0.0]}
 _NO_FURTHER_REFINEMENT: Final = {"max_iterations": 0}  # PoseLib's last step has another loss: it loses inliers
 _FLAT: Final = 1e-6  # points this much nearer to a line than long determine no pose
 
@@ -42,18 +43,16 @@ def p3p_ransac(
     if count < 4:
         return none
     X, xy = np.asarray(points, np.float64), np.asarray(pixels, np.float64)
-    # PoseLib knows no skew: pixels of a camera without it, and with its principal point at 0
-    focal = np.array([camera.matrix[0, 0], camera.matrix[1, 1]], np.float64)
-    straight = (np.column_stack([xy, np.ones(count)]) @ np.linalg.inv(camera.matrix).T)[:, :2] * focal
-    width, height = camera.size
-    pinhole = {"model": "PINHOLE", "width": width, "height": height, "params": [*focal, 0.0, 0.0]}
+    # PoseLib knows no skew, and searches on the plane at unit depth anyway
+    plane = (np.column_stack([xy, np.ones(count)]) @ np.linalg.inv(camera.matrix).T)[:, :2]
+    focal = (camera.matrix[0, 0] + camera.matrix[1, 1]) / 2
     options = {
         "min_iterations": iterations,
         "max_iterations": iterations,
-        "max_reproj_error": threshold,
+        "max_reproj_error": threshold / focal,
         "seed": int(generator.integers(2**63)),
     }
-    found, _ = poselib.estimate_absolute_pose(straight, X, pinhole, options, _NO_FURTHER_REFINEMENT)
+    found, _ = poselib.estimate_absolute_pose(plane, X, _UNIT_CAMERA, options, _NO_FURTHER_REFINEMENT)
     pose = np.asarray(found.Rt, np.float64)
     errors = np.linalg.norm(project(X @ pose[:, :3].T + pose[:, 3], camera) - xy, axis=1)
     inlier = np.asarray(errors <= threshold, np.bool_)  # nothing agrees with a pose that is not finite

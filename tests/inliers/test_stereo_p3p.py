@@ -9,13 +9,13 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
-from sips_lit.geometry.pose import rotation_error, translation_error
+from sips_lit.geometry.pose import PoseEstimate, rotation_error, translation_error
 from sips_lit.geometry.projection import sample_depth, transfer
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.inliers.verification import verify
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import mirror_pair
-from sips_lit.types import Features, FramePair, Keypoints, Matches, Reason
+from sips_lit.types import Camera, Features, FramePair, Keypoints, Matches, Reason
 
 SCENES = {tells: StereoScene(3, tells) for tells in ("stereo", "depth")}
 CHECK = StereoP3PInliers(iterations=500)
@@ -185,6 +185,25 @@ def test_the_search_for_n_k_prepares_once(monkeypatch):
     assert right.sum() > 10
     with pytest.raises(BadInputError, match="search=binary"):
         verify(pair, *features, CHECK, "exact")
+
+
+def test_each_direction_is_searched_with_the_camera_it_ends_in_and_the_given_limits(monkeypatch):
+    pair = read_pair(SCENES["depth"], 0, 2)
+    points0, points1, matches, _ = true_points()
+    other = Camera(CAMERA.matrix * [[1.1], [1.1], [1]], CAMERA.size)
+    pair = replace(pair, geometry=replace(pair.geometry, camera1=other))
+    given = []
+
+    def search(points, pixels, camera, generator, iterations, threshold):
+        given.append((camera, iterations, threshold, tuple(generator.integers(1000, size=4))))
+        return PoseEstimate(None, np.zeros(len(points), np.bool_))
+
+    monkeypatch.setattr("sips_lit.inliers.stereo_p3p.p3p_ransac", search)
+    StereoP3PInliers(threshold=2.5, iterations=70, seed=3)(pair, points0, points1, matches)
+    assert [camera is other for camera, *_ in given] == [True, False]
+    assert [limits for _, *limits, _ in given] == [[70, 2.5]] * 2
+    StereoP3PInliers(seed=3)(replace(pair, index1=pair.index1 + 1), points0, points1, matches)
+    assert len({samples for *_, samples in given}) == 4  # others for each direction and each pair
 
 
 def test_a_point_of_unknown_depth_never_reaches_the_search(monkeypatch):
