@@ -162,6 +162,7 @@ def versions() -> dict[str, str]:
     """Versions of what the numbers depend on."""
     return {
         "sips_lit": importlib.metadata.version("sips_lit"),
+        "poselib": importlib.metadata.version("poselib"),
         "torch": torch.__version__,
         "opencv": cv2.__version__,
         "numpy": np.__version__,

@@ -99,7 +99,7 @@ def test_the_protocol_is_complete(flights, measured_flights):
     assert p["sequences"] == ["a", "b"]
     assert p["verification"][0]["threshold"] == 3.0
     assert p["versions"] == versions()
-    assert set(versions()) >= {"sips_lit", "torch", "opencv", "numpy"}
+    assert set(versions()) >= {"sips_lit", "torch", "opencv", "numpy", "poselib"}
     assert [(r.protocol["descriptor"], r.protocol["scores"]) for r in measured_flights[1][1:3]] == [
         ("RootSIFT", "order"),
         ("own", "order"),
