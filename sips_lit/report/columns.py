@@ -1,4 +1,4 @@
-"""The columns of the table: title, definition, formula and digits of each number in one place."""
+"""The columns of the table: title, definition, formula and digits of each number in one place, for every output."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.evaluate.result import AtBudget, FloatArray, MethodResult
 from sips_lit.report.summary import (
     error_auc,
     known_mean,
     main_budget,
     main_k,
+    needed_points,
     over_repeats_deviation,
     pose_limits,
     succinctness,
@@ -23,14 +23,17 @@ from sips_lit.report.summary import (
 )
 
 OWN_N: Final = "own n only"
-"""Tag of detectors whose points have no order."""
+"""Tag of methods whose points have no order."""
+Number = Callable[[MethodResult], float]
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """``key`` heads it in CSV, ``title`` on the page; ``definition`` is a sentence of the glossary.
+    """``key`` heads it in CSV, ``title`` on the page; ``definition`` is a sentence or two of the glossary.
 
-    ``better`` is 1 where more is better, -1 where less is, 0 where it is neither.
+    ``better`` is 1 where more is better, -1 where less is, 0 where it is neither. ``value`` computes it, and
+    ``deviation``, where there is one, its standard deviation over the repeats. ``count``: whole
+    numbers are shown without decimals.
     """
 
     key: str
@@ -38,20 +41,27 @@ class Column:
     definition: str
     digits: int
     better: int
-    value: Callable[[MethodResult], float]
-    deviation: Callable[[MethodResult], float] | None = None
+    value: Number
+    deviation: Number | None = None
+    count: bool = False
+
+    def text(self, value: float) -> str:
+        """A value of this column as people read it, see `text_of`."""
+        return text_of(value, 0 if self.count and float(value).is_integer() else self.digits)
 
 
-def columns_of(results: Sequence[MethodResult]) -> list[Column]:
+def columns_of(methods: Sequence[MethodResult]) -> list[Column]:
     """The columns of a pair set's table; those without any value are left out."""
-    if not results:
+    if not methods:
         return []
-    first = results[0]
-    stages = dict.fromkeys(stage for result in results for stage in result.milliseconds)
-    budgets = sorted({n for result in results for n in result.calibration})
-    columns = [*_succinctness(main_k(first), first.n_max), *_at_budget(main_budget(first), *pose_limits(first))]
+    first = methods[0]
+    stages = dict.fromkeys(stage for method in methods for stage in method.milliseconds)
+    budgets = sorted({n for method in methods for n in method.calibration})
+    n = main_budget(first)
+    columns = _succinctness(main_k(first), first.n_max)
+    columns += [] if n is None else [*_pose(n, *pose_limits(first)), *_at_n(n)]
     columns += [*map(_ece, budgets), _points(first.n_max), *map(_stage, stages)]
-    return [column for column in columns if not all(math.isnan(column.value(result)) for result in results)]
+    return [column for column in columns if not all(math.isnan(column.value(method)) for method in methods)]
 
 
 def auc_of(result: MethodResult) -> float:
@@ -66,7 +76,7 @@ def best_first(results: Sequence[MethodResult]) -> list[MethodResult]:
 
 def is_scored(result: MethodResult) -> bool:
     """Whether the points have an order, or all of an image count together or not at all."""
-    return result.protocol.get("scores") != "none"
+    return bool(result.protocol.get("scores") != "none")
 
 
 def text_of(value: float, digits: int) -> str:
@@ -77,6 +87,16 @@ def text_of(value: float, digits: int) -> str:
 
 
 def _succinctness(k: int, n_max: int) -> list[Column]:
+    def reached(n: int | None) -> float:
+        return math.inf if n is None else n
+
+    def mean_n(method: MethodResult) -> float:
+        needed = needed_points(method, k)
+        return known_mean(needed[needed <= n_max])
+
+    def auc_deviation(method: MethodResult) -> float:
+        return over_repeats_deviation([succinctness(method, k, repeat).auc for repeat in range(method.n_k.shape[1])])
+
     return [
         Column(
             "n_at_80",
@@ -84,7 +104,7 @@ def _succinctness(k: int, n_max: int) -> list[Column]:
             f"The fewest points per image with which 80 % of the pairs have {k} inliers.",
             0,
             -1,
-            lambda r: _reached(succinctness(r, k).n_at_80),
+            lambda method: reached(succinctness(method, k).n_at_80),
         ),
         Column(
             "median_n",
@@ -92,7 +112,7 @@ def _succinctness(k: int, n_max: int) -> list[Column]:
             f"The fewest points per image with which half of the pairs have {k} inliers.",
             0,
             -1,
-            lambda r: _reached(succinctness(r, k).median),
+            lambda method: reached(succinctness(method, k).median),
         ),
         Column(
             "mean_n",
@@ -100,7 +120,7 @@ def _succinctness(k: int, n_max: int) -> list[Column]:
             f"Mean of n_{k} over the pairs that get {k} inliers; read it together with the failures, which it leaves out.",
             1,
             -1,
-            lambda r: known_mean(_needed(r, k)[_needed(r, k) <= r.n_max]),
+            mean_n,
         ),
         Column(
             "auc",
@@ -110,8 +130,8 @@ def _succinctness(k: int, n_max: int) -> list[Column]:
             "± is the standard deviation over the repeats of a random verification.",
             3,
             1,
-            lambda r: succinctness(r, k).auc,
-            lambda r: over_repeats_deviation([succinctness(r, k, repeat).auc for repeat in range(r.n_k.shape[1])]),
+            lambda method: succinctness(method, k).auc,
+            auc_deviation,
         ),
         Column(
             "failures",
@@ -119,25 +139,30 @@ def _succinctness(k: int, n_max: int) -> list[Column]:
             f"Pairs without {k} inliers at any n up to {n_max}; the mean over the repeats.",
             1,
             -1,
-            lambda r: succinctness(r, k).failures / max(r.n_k.shape[1], 1),
+            lambda method: succinctness(method, k).failures / max(method.n_k.shape[1], 1),
+            count=True,
         ),
     ]
 
 
-def _at_budget(n: int | None, metres: float, degrees: float) -> list[Column]:
-    if n is None:
-        return []
-    failed = "A pair without a pose counts as an infinite error; pairs whose true pose is not known are left out."
+def _pose(n: int, metres: float, degrees: float) -> list[Column]:
+    def auc(errors: Callable[[AtBudget], FloatArray], limit: float) -> tuple[Number, Number]:
+        """Pose AUC over all pairs and repeats, and its deviation over the repeats."""
+        pooled = _at(n, lambda at: error_auc(errors(at), limit))
+        return pooled, _at(
+            n, lambda at: over_repeats_deviation([error_auc(of_repeat, limit) for of_repeat in errors(at).T])
+        )
+
     return [
         Column(
             f"pose_auc_{metres:g}m",
             f"pose AUC-{metres:g} m at {n}",
             "Area under the curve of translation errors (Euclidean distance, metres) from 0 to "
-            f"{metres:g} m, divided by {metres:g} m: 1 is perfect. {failed}",
+            f"{metres:g} m, divided by {metres:g} m: 1 is perfect. A pair without a pose counts as an infinite error; "
+            "pairs whose true pose is not known are left out.",
             3,
             1,
-            lambda r: error_auc(_at(r, n).translation_error, metres),
-            lambda r: _auc_deviation(r, n, "translation_error", metres),
+            *auc(lambda at: at.translation_error, metres),
         ),
         Column(
             f"pose_auc_{degrees:g}deg",
@@ -145,18 +170,23 @@ def _at_budget(n: int | None, metres: float, degrees: float) -> list[Column]:
             f"The same of rotation errors (geodesic angle) from 0 to {degrees:g} degree{'' if degrees == 1 else 's'}.",
             3,
             1,
-            lambda r: error_auc(_at(r, n).rotation_error, degrees),
-            lambda r: _auc_deviation(r, n, "rotation_error", degrees),
+            *auc(lambda at: at.rotation_error, degrees),
         ),
         Column(
             "no_pose",
             f"no pose at {n}",
             f"Pairs without a pose from the {n} best points, though the true one is known; the mean over the repeats. "
-            "Why is counted in a table below.",
+            "A table below counts the reasons.",
             1,
             -1,
-            lambda r: without_pose(_at(r, n).outcome),
+            _at(n, lambda at: without_pose(at.outcome)),
+            count=True,
         ),
+    ]
+
+
+def _at_n(n: int) -> list[Column]:
+    return [
         Column(
             "repeatability",
             f"repeatability at {n}",
@@ -164,15 +194,15 @@ def _at_budget(n: int | None, metres: float, degrees: float) -> list[Column]:
             "image. NaN where the true position in the other image is not known.",
             3,
             1,
-            lambda r: known_mean(_at(r, n).repeatability),
+            _at(n, lambda at: known_mean(at.repeatability)),
         ),
         Column(
             "matching_score",
             f"matching score at {n}",
-            f"Of the {n} best points in the common view, the fraction that is matched rightly by descriptor.",
+            f"Of the {n} best points in the common view, the fraction that the descriptor matches correctly.",
             3,
             1,
-            lambda r: known_mean(_at(r, n).matching_score),
+            _at(n, lambda at: known_mean(at.matching_score)),
         ),
         Column(
             "spread",
@@ -180,9 +210,14 @@ def _at_budget(n: int | None, metres: float, degrees: float) -> list[Column]:
             "Fraction of the cells of a grid over the image that hold an inlier: more is better for the pose.",
             3,
             1,
-            lambda r: known_mean(_at(r, n).spread),
+            _at(n, lambda at: known_mean(at.spread)),
         ),
     ]
+
+
+def _at(n: int, number: Callable[[AtBudget], float]) -> Number:
+    """The number at ``n`` points; points without an order may not have been measured there."""
+    return lambda method: number(method.budgets[n]) if n in method.budgets else math.nan
 
 
 def _ece(n: int) -> Column:
@@ -193,39 +228,27 @@ def _ece(n: int) -> Column:
         "frequency of inliers in 20 bins. Only for detectors whose scores are probabilities.",
         3,
         -1,
-        lambda r: r.calibration[n].ece if n in r.calibration else math.nan,
+        lambda method: method.calibration[n].ece if n in method.calibration else math.nan,
     )
 
 
 def _points(n_max: int) -> Column:
-    definition = f"Mean number of points that the detector found in an image when asked for {n_max} or more."
     return Column(
-        "points", "points found", definition, 1, 0, lambda r: known_mean(np.concatenate([r.points0, r.points1]))
+        "points",
+        "points found",
+        f"Mean number of points found in an image when {n_max} or more were asked for.",
+        1,
+        0,
+        lambda method: known_mean(np.concatenate([method.points0, method.points1])),
     )
 
 
 def _stage(stage: str) -> Column:
-    definition = f"Mean wall-clock time of {stage} (detect, describe and depth: per image; all others: per pair)."
-    return Column(f"{stage}_ms", f"{stage}, ms", definition, 1, -1, lambda r: r.milliseconds.get(stage, math.nan))
-
-
-def _reached(n: int | None) -> float:
-    return math.inf if n is None else n
-
-
-def _needed(result: MethodResult, k: int) -> FloatArray:
-    return result.n_k[:, :, result.ks.index(k)]
-
-
-def _at(result: MethodResult, n: int) -> AtBudget:
-    """What was measured at a budget; nothing of points without scores, which are not measured at every budget."""
-    if n in result.budgets:
-        return result.budgets[n]
-    unknown, outcome = np.full((len(result.pairs), 1), np.nan), np.full((len(result.pairs), 1), PoseOutcome.UNKNOWN)
-    none, counts = unknown[:, 0], np.zeros((len(result.pairs), 1), np.int64)
-    return AtBudget(n, counts[:, 0], counts, unknown, unknown, outcome, none, none, none)
-
-
-def _auc_deviation(result: MethodResult, n: int, error: str, limit: float) -> float:
-    errors: FloatArray = getattr(_at(result, n), error)
-    return over_repeats_deviation([error_auc(errors[:, repeat], limit) for repeat in range(errors.shape[1])])
+    return Column(
+        f"{stage}_ms",
+        f"{stage}, ms",
+        f"Mean wall-clock time of {stage} (detect, describe and depth: per image; all others: per pair).",
+        1,
+        -1,
+        lambda method: method.milliseconds.get(stage, math.nan),
+    )

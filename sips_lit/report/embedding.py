@@ -11,6 +11,7 @@ from typing import Final
 import cv2
 import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from sips_lit.errors import BadInputError
@@ -29,11 +30,11 @@ def svg_of(figure: Figure) -> str:
     return text.getvalue()
 
 
-def inline_svg(figure: Figure, prefix: str, description: str) -> str:
+def inline_svg(figure: Figure, prefix: str, description: str) -> Markup:
     """The figure for the middle of a page: as wide as its container, ``prefix`` before all its ids.
 
     Curves (ids ``curve-…``) get a class of that name instead, as a page has the same curve in several figures.
-    ``description``, for those who cannot see it, must be escaped already.
+    ``description`` is for those who cannot see it.
     """
     svg = svg_of(figure)
     svg = svg[svg.index("<svg") :]
@@ -44,7 +45,7 @@ def inline_svg(figure: Figure, prefix: str, description: str) -> str:
     opening, rest = svg.split(">", 1)
     widest = round(_ENLARGED * figure.get_figwidth() * 72)  # or a small figure's letters would be headlines
     opening = re.sub(r' (width|height)="[^"]*"', "", opening)
-    return f'{opening} style="max-width: {widest}px" role="img" aria-label="{description}">{rest}'
+    return Markup(f'{opening} style="max-width: {widest}px" role="img" aria-label="{escape(description)}">{rest}')
 
 
 def picture_uri(image: Picture | Path) -> str:

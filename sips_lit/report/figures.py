@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from sips_lit.evaluate.result import FloatArray, MethodResult, PairSetResult
+from sips_lit.evaluate.result import AtBudget, FloatArray, MethodResult, PairSetResult
 from sips_lit.render.benchmark_curves import draw_against_k, draw_succinctness_curves
 from sips_lit.render.calibration_counts import draw_calibrations
 from sips_lit.render.pose_curves import draw_pose_curves
@@ -17,15 +17,16 @@ from sips_lit.render.pose_difference import draw_pose_differences
 from sips_lit.render.styles import Style
 from sips_lit.report.columns import best_first
 from sips_lit.report.summary import (
+    at_main_budget,
     error_auc,
     error_curve,
-    main_budget,
     main_k,
     median_needed,
     pose_limits,
     succinctness,
 )
 
+Methods = Sequence[MethodResult]
 Styles = Mapping[str, Style]
 Error = Literal["translation", "rotation"]
 _UNITS: dict[Error, str] = {"translation": "m", "rotation": "degree"}
@@ -43,37 +44,28 @@ class Chart:
 
 
 def charts(result: PairSetResult, styles: Styles, legend: bool = True) -> Iterator[Chart]:
-    """Every figure that the pair set has numbers for; none without detectors. ``styles`` by the detectors' names."""
-    if not result.detectors or not len(result.detectors[0].pairs):
+    """Every figure that the pair set has numbers for; none without methods. ``styles`` by the methods' names."""
+    methods = result.detectors
+    if not methods or not len(methods[0].pairs):
         return
-    yield _succinctness(result, styles, legend)
-    several = len(result.detectors[0].ks) > 1
-    if several:
-        yield _auc_by_k(result, styles, legend)
+    yield _succinctness(methods, styles, legend)
+    if len(methods[0].ks) > 1:
+        yield _auc_by_k(methods, styles, legend)
     for error in _UNITS:
-        yield from _pose(result, styles, legend, error, several)
-    for n in sorted({n for detector in result.detectors for n in detector.calibration}):
-        found = {d.name: d.calibration[n] for d in result.detectors if n in d.calibration}
-        caption = (
-            f"Of the {n} best points of each image: predicted probability against the fraction that are inliers, in 20 "
-            "bins, above the number of points in each bin. On the diagonal a probability means what it says."
-        )
-        yield Chart(f"calibration_{n}", f"Calibration at {n} points", caption, draw_calibrations(found, styles, legend))
-    table = result.detectors[0].pairs
-    if not np.isnan(table.translation).all():
-        yield _pose_differences(result)
+        if len(methods[0].ks) > 1:
+            yield from _pose_by_k(methods, styles, legend, error)
+        yield from _pose(methods, styles, legend, error)
+    for n in sorted({n for method in methods for n in method.calibration}):
+        yield _calibration(methods, styles, legend, n)
+    if not np.isnan(methods[0].pairs.translation).all():
+        yield _pose_differences(methods)
 
 
-def _succinctness(result: PairSetResult, styles: Styles, legend: bool) -> Chart:
-    k = main_k(result.detectors[0])
-    summaries = {detector.name: succinctness(detector, main_k(detector)) for detector in result.detectors}
-    figure = draw_succinctness_curves(
-        {name: found.curve for name, found in summaries.items()},
-        {name: found.auc for name, found in summaries.items()},
-        styles,
-        k,
-        legend,
-    )
+def _succinctness(methods: Methods, styles: Styles, legend: bool) -> Chart:
+    k = main_k(methods[0])
+    found = {method.name: succinctness(method, k) for method in methods}
+    curves, aucs = ({name: getattr(of, field) for name, of in found.items()} for field in ("curve", "auc"))
+    figure = draw_succinctness_curves(curves, aucs, styles, k, legend)
     caption = (
         f"Fraction of the pairs that have {k} inliers with the n best points of each image. The grey step is the best "
         "that is possible; the dashed line is 80 % of the pairs."
@@ -81,52 +73,63 @@ def _succinctness(result: PairSetResult, styles: Styles, legend: bool) -> Chart:
     return Chart("succinctness", f"Succinctness, k = {k}", caption, figure)
 
 
-def _auc_by_k(result: PairSetResult, styles: Styles, legend: bool) -> Chart:
-    first = result.detectors[0]
-    values = {d.name: np.array([succinctness(d, k).auc for k in d.ks]) for d in result.detectors}
+def _auc_by_k(methods: Methods, styles: Styles, legend: bool) -> Chart:
+    first = methods[0]
+    values = {method.name: np.array([succinctness(method, k).auc for k in method.ks]) for method in methods}
     figure = draw_against_k(values, styles, first.ks, f"AUC-{first.n_max}", legend)
     caption = "Area under the succinctness curve for other numbers of inliers."
     return Chart("auc_by_k", f"AUC-{first.n_max} against k", caption, figure)
 
 
-def _pose(result: PairSetResult, styles: Styles, legend: bool, error: Error, several: bool) -> Iterator[Chart]:
-    limit, unit = pose_limits(result.detectors[0])[error == "rotation"], _UNITS[error]
-    at_n_k = {d.name: _auc_of_each_k(d, error, limit) for d in result.detectors}
-    at_n_k = {name: aucs for name, aucs in at_n_k.items() if not np.isnan(aucs).all()}
-    if at_n_k and several:
-        figure = draw_against_k(at_n_k, styles, result.detectors[0].ks, f"{error} AUC-{limit:g} {unit} at n_k", legend)
+def _pose_by_k(methods: Methods, styles: Styles, legend: bool, error: Error) -> Iterator[Chart]:
+    limit = _limit(methods[0], error)
+    aucs = {
+        method.name: np.array([error_auc(of_k, limit) for of_k in np.moveaxis(_errors(method, error), 2, 0)])
+        for method in methods
+    }
+    known = {name: values for name, values in aucs.items() if not np.isnan(values).all()}
+    if known:
+        ylabel = f"{error} AUC-{limit:g} {_UNITS[error]} at n_k"
+        figure = draw_against_k(known, styles, methods[0].ks, ylabel, legend)
         caption = "Pose from the matches at n_k, that is with just k inliers. A pair without k inliers is a failure."
         yield Chart(f"{error}_auc_by_k", f"{error.title()} AUC against k", caption, figure)
-    n = main_budget(result.detectors[0])
-    if n is None:
-        return
-    errors = {d.name: _errors(d, n, error) for d in result.detectors if n in d.budgets}
+
+
+def _pose(methods: Methods, styles: Styles, legend: bool, error: Error) -> Iterator[Chart]:
+    measured, limit = at_main_budget(methods), _limit(methods[0], error)
+    errors = {name: _errors(at, error) for name, at in measured.items()}
     curves = {name: curve for name, values in errors.items() if (curve := error_curve(values, limit)) is not None}
     if curves:
+        n = next(iter(measured.values())).n
         aucs = {name: error_auc(errors[name], limit) for name in curves}
-        figure = draw_pose_curves(curves, aucs, styles, limit, f"{error} error, {unit}", legend)
+        figure = draw_pose_curves(curves, aucs, styles, limit, f"{error} error, {_UNITS[error]}", legend)
         caption = (
-            f"Fraction of the pairs whose {error} error is at most so large, with the {n} best points of each image. "
+            f"Fraction of the pairs whose {error} error is at most this large, with the {n} best points of each image. "
             "Pairs with fewer inliers than the protocol asks for have no pose and count as infinite."
         )
         yield Chart(f"{error}_error", f"{error.title()} error at {n} points", caption, figure)
 
 
-def _auc_of_each_k(result: MethodResult, error: Error, limit: float) -> FloatArray:
-    errors = result.translation_error if error == "translation" else result.rotation_error
-    return np.array([error_auc(errors[:, :, index], limit) for index in range(len(result.ks))])
+def _limit(method: MethodResult, error: Error) -> float:
+    return pose_limits(method)[error == "rotation"]
 
 
-def _errors(result: MethodResult, n: int, error: Error) -> FloatArray:
-    at = result.budgets[n]
-    return at.translation_error if error == "translation" else at.rotation_error
+def _errors(measured: MethodResult | AtBudget, error: Error) -> FloatArray:
+    return measured.translation_error if error == "translation" else measured.rotation_error
 
 
-def _pose_differences(result: PairSetResult) -> Chart:
-    k, table = main_k(result.detectors[0]), result.detectors[0].pairs
-    needed = {method.name: median_needed(method, main_k(method)) for method in best_first(result.detectors)}
+def _calibration(methods: Methods, styles: Styles, legend: bool, n: int) -> Chart:
+    found = {method.name: method.calibration[n] for method in methods if n in method.calibration}
     caption = (
-        f"Each pair at its true translation and rotation; colour and shape tell the points it took for {k} inliers."
+        f"Of the {n} best points of each image: predicted probability against the fraction that are inliers, in 20 "
+        "bins, above the number of points in each bin. On the diagonal a probability means what it says."
     )
-    figure = draw_pose_differences(needed, table.translation, table.rotation)
+    return Chart(f"calibration_{n}", f"Calibration at {n} points", caption, draw_calibrations(found, styles, legend))
+
+
+def _pose_differences(methods: Methods) -> Chart:
+    k, pairs = main_k(methods[0]), methods[0].pairs
+    needed = {method.name: median_needed(method, k) for method in best_first(methods)}
+    caption = f"Each pair at its true translation and rotation; colour and shape: the points it took for {k} inliers."
+    figure = draw_pose_differences(needed, pairs.translation, pairs.rotation)
     return Chart("pose_difference", "True pose difference", caption, figure, wide=True)

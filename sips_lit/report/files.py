@@ -1,4 +1,4 @@
-"""Everything that a benchmark leaves behind, from its records."""
+"""Everything that an evaluation leaves behind, from its records."""
 
 from __future__ import annotations
 
@@ -19,14 +19,10 @@ from sips_lit.render.styles import detector_styles
 from sips_lit.report.embedding import svg_of
 from sips_lit.report.figures import Styles, charts
 from sips_lit.report.machine import describe_machine
-from sips_lit.report.page import report_page
-from sips_lit.report.pair_pictures import PairPicture
+from sips_lit.report.page import PairPictures, report_page
 from sips_lit.report.stored import store_results
 from sips_lit.report.tables import write_tables
 from sips_lit.report.tensorboard import log_numbers
-
-PairPictures = Mapping[tuple[str, str], Sequence[PairPicture]]
-"""By the keys of pair set and detector."""
 
 
 def write_report(
@@ -36,14 +32,14 @@ def write_report(
     date: str | None = None,
     machine: Mapping[str, str] | None = None,
 ) -> list[Path]:
-    """Writes ``report.html``, ``results.json``, ``summary.csv``, a CSV per pair set and detector, figures and TensorBoard.
+    """Writes ``report.html``, ``results.json``, ``summary.csv``, CSV per pair set and method, figures and TensorBoard.
 
     ``date`` is shown as given; ``machine`` describes where the times were measured, this one if None. Returns the files.
     Raises BadInputError when one cannot be written, or a picture cannot be read.
     """
     make_folder(folder)
     results = [_with_different_names(result) for result in results]
-    styles = detector_styles(detector.name for result in results for detector in result.detectors)
+    styles = detector_styles(method.name for result in results for method in result.detectors)
     numbers, page = folder / "results.json", folder / "report.html"
     machine = describe_machine() if machine is None else machine
     store_results(numbers, results, date, machine)
@@ -57,13 +53,13 @@ def write_report(
 
 
 def _with_different_names(result: PairSetResult) -> PairSetResult:
-    """The result with the key added to names that several detectors share, as figures tell them apart by name."""
-    count = Counter(detector.name for detector in result.detectors)
-    detectors = tuple(
-        replace(detector, name=f"{detector.name} ({detector.key})") if count[detector.name] > 1 else detector
-        for detector in result.detectors
+    """The result with the key added to names that several methods share, as figures tell them apart by name."""
+    count = Counter(method.name for method in result.detectors)
+    methods = tuple(
+        replace(method, name=f"{method.name} ({method.key})") if count[method.name] > 1 else method
+        for method in result.detectors
     )
-    return replace(result, detectors=detectors)
+    return replace(result, detectors=methods)
 
 
 def _write_figures(folder: Path, results: Sequence[PairSetResult], styles: Styles, writer: SummaryWriter) -> list[Path]:
@@ -84,12 +80,12 @@ def _write_figures(folder: Path, results: Sequence[PairSetResult], styles: Style
 def _write_pictures(folder: Path, pictures: PairPictures) -> list[Path]:
     """The pictures that are in no file yet, at full size."""
     written = []
-    for (pair_set, detector), drawn in pictures.items():
+    for (pair_set, method), drawn in pictures.items():
         for picture in drawn:
             if isinstance(picture.image, Path):
                 continue
             make_folder(folder / safe_name(pair_set))
-            path = folder / safe_name(pair_set) / f"{safe_name(detector)}_{safe_name(picture.label)}.png"
+            path = folder / safe_name(pair_set) / f"{safe_name(method)}_{safe_name(picture.label)}.png"
             written.append(_write_png(path, picture.image))
     return written
 

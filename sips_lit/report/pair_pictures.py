@@ -1,4 +1,4 @@
-"""Match pictures of the best, the median and the worst pair of a detector."""
+"""Match pictures of the best, the median and the worst pair of a method."""
 
 from __future__ import annotations
 

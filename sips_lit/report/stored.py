@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,12 +24,16 @@ def store_results(
 ) -> None:
     """Writes all records. Raises BadInputError when the file cannot be written."""
     about = {"format": FORMAT, "date": date, "machine": dict(machine or {})}
-    content = {**about, "pair_sets": [_pair_set(result) for result in results]}
+    content = {**about, "pair_sets": plain(results)}
     write_whole(path, (json.dumps(content, allow_nan=False) + "\n").encode())
 
 
 def plain(value: Any) -> Any:
-    """Anything in a record as JSON takes it: NaN is None, infinity "inf", whole floats are integers."""
+    """A record, or anything in one, as JSON takes it: NaN is None, infinity "inf", whole floats are integers."""
+    if isinstance(value, MethodResult):  # a budget says its n itself
+        return _fields(value) | {"budgets": plain(list(value.budgets.values()))}
+    if is_dataclass(value):
+        return _fields(value)
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -44,23 +49,5 @@ def plain(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
-def _pair_set(result: PairSetResult) -> dict[str, Any]:
-    return {
-        "key": result.key,
-        "title": result.title,
-        "protocol": plain(result.protocol),
-        "skipped": dict(result.skipped),
-        "detectors": [_detector(detector) for detector in result.detectors],
-    }
-
-
-def _fields(record: Any, *left_out: str) -> dict[str, Any]:
-    return {name: plain(getattr(record, name)) for name in record.__dataclass_fields__ if name not in left_out}
-
-
-def _detector(result: MethodResult) -> dict[str, Any]:
-    stored = _fields(result, "pairs", "budgets", "calibration")
-    stored["pairs"] = _fields(result.pairs)
-    stored["budgets"] = [_fields(budget) for budget in result.budgets.values()]
-    stored["calibration"] = {str(n): _fields(calibration) for n, calibration in result.calibration.items()}
-    return stored
+def _fields(record: Any) -> dict[str, Any]:
+    return {field.name: plain(getattr(record, field.name)) for field in fields(record)}

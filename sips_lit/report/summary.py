@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.result import FloatArray, IntArray, MethodResult
+from sips_lit.evaluate.result import AtBudget, FloatArray, IntArray, MethodResult
 from sips_lit.metrics.pose_auc import pose_auc
 from sips_lit.metrics.succinctness import SuccinctnessResult, histogram, summarise
 
@@ -26,6 +26,17 @@ def main_budget(result: MethodResult) -> int | None:
     return n
 
 
+def at_main_budget(results: Sequence[MethodResult]) -> dict[str, AtBudget]:
+    """What was measured at the `main_budget` of the first, by the names of the methods that were."""
+    n = main_budget(results[0]) if results else None
+    return {} if n is None else {result.name: result.budgets[n] for result in results if n in result.budgets}
+
+
+def needed_points(result: MethodResult, k: int) -> FloatArray:
+    """n_k (P, R) of each pair and repeat; inf where it failed."""
+    return result.n_k[:, :, result.ks.index(k)]
+
+
 def pose_limits(result: MethodResult) -> tuple[float, float]:
     """Errors up to which pose AUC is measured: metres, degrees. The protocol's, else the paper's 1 m and 1 degree."""
     translation, rotation = (result.protocol.get(f"{error}_limit", 1.0) for error in ("translation", "rotation"))
@@ -34,7 +45,7 @@ def pose_limits(result: MethodResult) -> tuple[float, float]:
 
 def succinctness(result: MethodResult, k: int, repeat: int | None = None) -> SuccinctnessResult:
     """Succinctness for one of ``result.ks``, of one repeat or of all of them pooled."""
-    needed = result.n_k[:, :, result.ks.index(k)]
+    needed = needed_points(result, k)
     chosen = needed if repeat is None else needed[:, [repeat]]
     counts = histogram([int(n) if np.isfinite(n) else None for n in chosen.ravel()], result.n_max)
     return summarise(counts, k)
@@ -59,7 +70,7 @@ def error_curve(errors: NDArray[Any], limit: float) -> tuple[FloatArray, FloatAr
 
 def median_needed(result: MethodResult, k: int) -> FloatArray:
     """n_k (P,) of each pair, the median over the repeats; inf where it failed."""
-    return over_repeats(result.n_k[:, :, result.ks.index(k)])
+    return over_repeats(needed_points(result, k))
 
 
 def over_repeats(values: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from tabulate import tabulate
 
 from sips_lit.evaluate.result import PairSetResult
-from sips_lit.report.columns import OWN_N, best_first, columns_of, is_scored, text_of
+from sips_lit.report.columns import OWN_N, best_first, columns_of, is_scored
 from sips_lit.report.summary import main_k
 
 
@@ -17,11 +17,11 @@ def table(result: PairSetResult) -> str:
     rows = [
         [
             method.name if is_scored(method) else f"{method.name} ({OWN_N})",
-            *(text_of(column.value(method), column.digits) for column in columns),
+            *(column.text(column.value(method)) for column in columns),
         ]
         for method in best_first(result.detectors)
     ]
-    headers = ["detector", *(column.title for column in columns)]
+    headers = ["method", *(column.title for column in columns)]
     alignment = ("left", *["right"] * len(columns))
     # numbers are texts: tabulate would cut their trailing zeros
     return str(tabulate(rows, headers=headers, tablefmt="pipe", disable_numparse=True, colalign=alignment))

@@ -36,7 +36,7 @@ def stored(folder) -> dict:
 def test_a_checkpoint(evaluate, folders, checkpoint):
     result = evaluate(f"checkpoint={checkpoint}")
     assert result.code == 0, result.err
-    assert "| detector" in result.out
+    assert "| method" in result.out
     assert "SIPs + " in result.out
     assert "4 pairs (kind=random, overlap=0.5, seed=0)" in result.out
     for part in ("k = 8, ", "at most 60 points", "exact search", "inliers=klt"):

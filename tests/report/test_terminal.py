@@ -30,4 +30,4 @@ def test_the_table(measured_flights):
 def test_nobody_was_measured(measured_flights):
     pairs, _ = measured_flights
     result = PairSetResult("set", "Set", pairs.protocol, (), {"gone": "why"})
-    assert "detector" in table(result)
+    assert "method" in table(result)
