@@ -9,7 +9,7 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
-from sips_lit.geometry.pnp import draw_triples
+from sips_lit.geometry.pnp import p3p_ransac
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.geometry.projection import sample_depth, transfer
 from sips_lit.geometry.resize import resize_camera
@@ -172,17 +172,17 @@ def test_each_image_has_its_own_camera():
     assert found.inlier[right].mean() > 0.9
 
 
-def test_exactly_so_many_samples_are_drawn(monkeypatch):
-    drawn = []
+def test_the_number_of_samples_is_handed_on(monkeypatch):
+    asked = []
 
-    def counting(count, samples, generator):
-        drawn.append(samples)
-        return draw_triples(count, samples, generator)
+    def noting(points, pixels, camera, generator, iterations, threshold):
+        asked.append(iterations)
+        return p3p_ransac(points, pixels, camera, generator, iterations, threshold)
 
-    monkeypatch.setattr("sips_lit.geometry.pnp.draw_triples", counting)
+    monkeypatch.setattr("sips_lit.inliers.stereo_p3p.p3p_ransac", noting)
     points0, points1, matches, _ = true_points()
     replace(CHECK, iterations=123)(read_pair(SCENES["depth"], 0, 2), points0, points1, matches)
-    assert drawn == [123, 123]  # both ways
+    assert asked == [123, 123]  # both ways
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])

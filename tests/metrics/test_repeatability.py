@@ -54,7 +54,8 @@ def test_a_point_that_is_not_seen_corresponds_to_none_however_near():
 def test_each_image_has_its_own_size():
     wide = np.zeros((100, 300), np.uint8)
     pair = FramePair("p", 0, 1, (IMAGE, wide), IMAGE, wide, np.array([[1.0, 0, 100], [0, 1, 0], [0, 0, 1]]))
-    moved0, moved1 = move_points(pair, points((150, 50)), points((250, 50), (90, 50), (299, 50)), StereoMatcher())
+    given0, given1 = keypoints(points((150, 50))), keypoints(points((250, 50), (90, 50), (299, 50)))
+    moved0, moved1 = move_points(pair, given0, given1, StereoMatcher())
     assert moved0.visible.tolist() == [True]  # at (250, 50): image 0 ends before
     assert moved1.visible.tolist() == [True, False, True]
     np.testing.assert_allclose(moved1.xy, [[150, 50], [-10, 50], [199, 50]])
@@ -74,7 +75,7 @@ def test_each_image_has_its_own_size():
     ],
 )
 def test_pixels_reach_half_a_pixel_beyond_their_centres(x, y, seen):
-    moved, _ = move_points(shifted(0), points((x, y)), points(), StereoMatcher())
+    moved, _ = move_points(shifted(0), keypoints(points((x, y))), NO_POINTS, StereoMatcher())
     assert moved.visible.tolist() == [seen]
 
 
@@ -138,7 +139,8 @@ def test_by_depth():
 
 
 def test_depth_of_image_1_moves_its_points_back():
-    moved0, moved1 = move_points(stereo(None, np.full((100, 200), 10.0)), points(), points((110, 20)), StereoMatcher())
+    pair = stereo(None, np.full((100, 200), 10.0))
+    moved0, moved1 = move_points(pair, NO_POINTS, keypoints(points((110, 20))), StereoMatcher())
     np.testing.assert_allclose(moved1.xy, [[120, 20]])
     assert len(moved0.xy) == 0
 
