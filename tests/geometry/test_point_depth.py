@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from stereo_scenes import CAMERA, StereoScene
-from textured_scenes import ArraySequence
+from textured_scenes import ArraySequence, texture
 
 from sips_lit.geometry.mirror import flip_camera
 from sips_lit.geometry.point_depth import View, views
@@ -9,6 +11,7 @@ from sips_lit.geometry.projection import sample_depth
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import mirror_pair
+from sips_lit.types import Camera
 
 STEREO = StereoMatcher(max_disparity=64)
 SCENE = StereoScene(3)
@@ -56,6 +59,30 @@ def test_augmented_images_are_not_what_depth_is_measured_in():
     dark = type(pair)(**{**{f: getattr(pair, f) for f in pair.__slots__}, "image0": pair.image0 // 50})
     xy = corners(SCENE.frames[0])
     np.testing.assert_array_equal(views(dark)[0].depth_at(xy, STEREO), views(pair)[0].depth_at(xy, STEREO))
+
+
+def test_the_horizontal_focal_length_counts():
+    """A partner that sees everything 10 px further left: at 1 m of baseline depth is the focal length / 10."""
+    image = texture(60, 120)
+    camera = Camera(np.array([[50.0, 0, 60], [0, 200.0, 30], [0, 0, 1]]), (120, 60))
+    view = View(image, camera, None, np.roll(image, -10, axis=1), 1.0)
+    depth = view.depth_at(np.array([[60.0, 30], [80, 20]]), STEREO)
+    np.testing.assert_allclose(depth, [5, 5], rtol=0.01)
+
+
+def test_each_image_has_its_own():
+    pair = read_pair(SCENE, 0, 2)
+    depths = [np.full(image.shape, value, np.float32) for image, value in zip(pair.frames[::2], (1, 2), strict=True)]
+    geometry = replace(pair.geometry, camera1=flip_camera(CAMERA, True, False), depth0=depths[0], depth1=depths[1])
+    first, second = views(replace(pair, geometry=geometry))
+    for view, image, camera, depth, right in (
+        (first, pair.frames[0], CAMERA, depths[0], SCENE.rights[0]),
+        (second, pair.frames[-1], geometry.camera1, depths[1], SCENE.rights[2]),
+    ):
+        assert view.image is image
+        assert view.camera is camera
+        assert view.depth is depth
+        np.testing.assert_array_equal(view.right, right)
 
 
 def test_without_anything_that_tells_depth():

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sips_lit.geometry.pose import rotation_error, translation_error
+from sips_lit.geometry.pose import PoseEstimate, rotation_error, translation_error
 
 
 def turned(vector: np.ndarray, translation: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:
@@ -36,3 +36,7 @@ def test_symmetric_and_zero_only_for_equal_ones(seed):
 
 def test_translation_is_euclidean_and_does_not_see_turns():
     assert translation_error(turned([0, 0, 1], (1, 2, 3)), turned([0, 1, 0], (1, 5, 7))) == 5
+
+
+def test_inliers_are_those_that_agree():
+    assert PoseEstimate(None, np.array([True, False, True, False, False])).inliers == 2

@@ -43,6 +43,59 @@ def test_a_known_shift_to_a_fraction_of_a_pixel(disparity, seed):
     assert np.nanmax(error) < 0.4  # where the texture is cut off at black or white only an edge of the patch tells
 
 
+def test_the_score_must_be_high_enough():
+    """Noise in the partner; the score near the true match, 20 px away, is computed here."""
+    noise = np.random.default_rng(0).normal(0, 60, LEFT.shape)
+    right = np.clip(np.roll(LEFT, -20, axis=1) + noise, 0, 255).astype(np.uint8)
+    xy = np.stack(np.meshgrid(np.arange(40, 380, 10), np.arange(10, 140, 10)), -1).reshape(-1, 2)
+    smooth = [cv2.blur(image.astype(np.float32), (3, 3)) for image in (LEFT, right)]
+
+    def patch(image: np.ndarray, x: int, y: int) -> np.ndarray:
+        return image[y - 4 : y + 5 : 2, x - 4 : x + 5 : 2].ravel()
+
+    def score(x: int, y: int) -> float:
+        return max(np.corrcoef(patch(smooth[0], x, y), patch(smooth[1], x - d, y))[0, 1] for d in range(18, 23))
+
+    best = np.array([score(x, y) for x, y in xy])
+    others = {"max_disparity": 100, "max_ambiguity": 1e9, "max_roundtrip": 1e9}  # the score alone decides
+    found = {
+        least: StereoMatcher(min_score=least, **others).disparity(LEFT, right, xy.astype(np.float32))
+        for least in (-1.0, 0.7, 0.9)
+    }
+    near = np.abs(found[-1.0] - 20) < 0.4  # the highest score of all is that of a disparity near 20
+    for least in (0.7, 0.9):
+        assert np.isnan(found[least][near & (best < least - 0.01)]).all()
+        assert np.isfinite(found[least][near & (best > least + 0.01)]).all()
+        assert (near & (best < least - 0.01)).sum() > 3
+    default = StereoMatcher(**others).disparity(LEFT, right, xy.astype(np.float32))
+    np.testing.assert_array_equal(default, found[0.7])
+
+
+def test_patches_that_vary_by_less_than_one_grey_value_have_nothing_to_match():
+    xy = np.stack(np.meshgrid(np.arange(40, 380, 5), np.arange(10, 140, 5)), -1).reshape(-1, 2)
+    below = above = 0
+    for amplitude in (0.015, 0.02, 0.03, 0.05):
+        dull = np.rint(127 + amplitude * (LEFT - 127.0)).astype(np.uint8)
+        smooth = cv2.blur(dull.astype(np.float32), (3, 3))
+        variation = np.array([smooth[y - 4 : y + 5 : 2, x - 4 : x + 5 : 2].std() for x, y in xy])
+        found = MATCHER.disparity(dull, np.roll(dull, -20, axis=1), xy.astype(np.float32))
+        assert np.isnan(found[variation < 0.99]).all()
+        below += ((variation > 0.85) & (variation < 0.99)).sum()
+        above += (np.isfinite(found) & (variation < 1.2)).sum()
+    assert min(below, above) > 20  # both sides were tried
+
+
+@pytest.mark.parametrize(("beyond", "known"), [(0.0, True), (0.1, False)])
+def test_points_nearer_than_four_pixels_to_the_border_are_not_known(beyond, known):
+    rows = np.arange(10, 140, 10)
+    left, right = (np.stack([np.full(len(rows), x), rows], 1) for x in (4 - beyond, WIDTH - 5 + beyond))
+    for found in (
+        MATCHER.disparity(LEFT, np.roll(LEFT, 20, axis=1), left, to_the_right=False),
+        MATCHER.disparity(LEFT, np.roll(LEFT, -20, axis=1), right),
+    ):
+        assert np.isfinite(found).mean() > 0.8 if known else np.isnan(found).all()
+
+
 def test_changed_light_does_not_matter():
     right = np.clip(0.7 * shifted(LEFT, 20.4) + 40.0, 0, 255).astype(np.uint8)
     found = MATCHER.disparity(LEFT, right, points(100, 60))

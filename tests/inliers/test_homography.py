@@ -37,6 +37,22 @@ def test_the_threshold_of_three_pixels(off, expected):
         assert judge(SHIFT, keypoints([[50, 50]]), keypoints([[60 + x, 45 + y]])) == [expected]
 
 
+def test_exactly_three_pixels_are_within_the_default_threshold():
+    each = np.arange(4)
+    goal = keypoints([[63, 45], [60, 42], [64, 45], [60, 49]])
+    inliers = HomographyInliers()(pair_with(SHIFT), keypoints([[50, 50]] * 4), goal, Matches(each, each))
+    assert inliers.inlier.tolist() == [True, True, False, False]
+
+
+def test_the_point_may_lie_anywhere_in_the_other_image():
+    small, large = np.zeros((60, 80), np.uint8), np.zeros((240, 320), np.uint8)
+    for image0, image1, expected in ((small, large, Reason.FAR), (large, small, Reason.LOST)):
+        pair = FramePair("a", 0, 1, (image0, image1), image0, image1, np.diag([4.0, 4, 1]))
+        one = Matches(np.array([0]), np.array([0]))
+        inliers = HomographyInliers()(pair, keypoints([[50, 40]]), keypoints([[5, 5]]), one)  # it is at (200, 160)
+        assert inliers.reason.tolist() == [expected]
+
+
 @pytest.mark.parametrize(
     ("scale", "off", "expected"), [(2, 2.5, Reason.INLIER), (2, 4.0, Reason.FAR), (0.5, 2.5, Reason.FAR)]
 )

@@ -94,6 +94,15 @@ def test_the_clean_frames_are_tracked_not_what_the_detector_sees(short_flight):
     assert judge(dark, start, apply_homography(pair.homography, start)) == [Reason.INLIER]
 
 
+def test_matches_of_any_points(short_flight):
+    """Point i of image 0 is point (i + 1) % 4 of image 1: the way back must start there."""
+    pair = read_pair(short_flight, 0, 6)
+    start = np.array([[80, 60], [60, 50], [100, 70], [70, 80.0]])
+    goal = np.roll(apply_homography(pair.homography, start), 1, axis=0)
+    inliers = KltInliers()(pair, keypoints(start), keypoints(goal), match([0, 1, 2, 3, 0], [1, 2, 3, 0, 2]))
+    assert inliers.inlier.tolist() == [True] * 4 + [False]
+
+
 def test_answers_are_per_match_in_any_order_and_number(short_flight):
     pair = read_pair(short_flight, 0, 6)
     start = np.array([[80, 60], [70, 50], [2, 2], [100, 70.0]])

@@ -95,6 +95,49 @@ def test_occlusion_is_relative():
     assert reasons(pair_with(behind, front), *args, PoseDepthInliers(occlusion=0.01)) == [LOST]
 
 
+@pytest.mark.parametrize(("relative", "expected"), [(0.96, INLIER), (0.94, LOST)])
+def test_five_percent_of_occlusion_by_default(relative, expected):
+    pair = pair_with(depth(0), np.full((HEIGHT, WIDTH), FAR * relative, np.float32))
+    assert reasons(pair, keypoints([[60, 20]]), keypoints([[55, 20]])) == [expected]
+
+
+def test_matches_pick_points_and_their_depths():
+    """The first point of image 0, on the near wall, is the second one of image 1, and the other way round."""
+    points0, points1 = keypoints([[30, 20], [80, 20]]), keypoints([[75, 20], [20, 20]])
+    inliers = PoseDepthInliers()(BOTH, points0, points1, Matches(np.array([0, 1]), np.array([1, 0])))
+    assert inliers.inlier.tolist() == [True, True]
+
+
+def other_view(size1: tuple[int, int], shift: float = 0.0) -> FramePair:
+    """Cameras of equal focal length at one place; image 1 has another size, and its pixels are ``shift`` to the right.
+
+    All numbers are multiples of powers of two, so that nothing is rounded. The world is 2 m away.
+    """
+    cameras = [
+        Camera(np.array([[128.0, 0, c], [0, 128.0, 0], [0, 0, 1]]), s) for c, s in ((0, (100, 60)), (shift, size1))
+    ]
+    images = tuple(np.zeros(camera.size[::-1], np.uint8) for camera in cameras)
+    depths = [np.full(image.shape, 2, np.float32) for image in images]
+    return FramePair("a", 0, 1, images, *images, geometry=ViewGeometry(np.eye(4), *cameras, *depths))
+
+
+@pytest.mark.parametrize(("x1", "expected"), [(67, INLIER), (61, INLIER), (68, MISSED)])
+def test_exactly_three_pixels_are_within_the_threshold(x1, expected):
+    assert reasons(other_view((200, 60), 32.0), keypoints([[32, 20]]), keypoints([[x1, 20]])) == [expected]
+
+
+@pytest.mark.parametrize(("width", "expected"), [(200, MISSED), (64, LOST)])
+def test_the_border_is_that_of_the_other_image(width, expected):
+    # the point is at x = 112 there
+    assert reasons(other_view((width, 60), 32.0), keypoints([[80, 20]]), keypoints([[10, 20]])) == [expected]
+
+
+@pytest.mark.parametrize(("shift", "expected"), [(-32.375, MISSED), (-32.75, LOST), (67.375, MISSED), (67.75, LOST)])
+def test_pixels_reach_half_a_pixel_beyond_their_centres(shift, expected):
+    # the point at x = 32 moves by the shift: to 0.375 or 0.75 px beyond the first or the last column, 99
+    assert reasons(other_view((100, 60), shift), keypoints([[32, 20]]), keypoints([[50, 20]])) == [expected]
+
+
 def test_unknown_depth():
     holes0, holes1 = depth(EDGE0), depth(EDGE1)
     holes0[:, 30], holes0[:, 31], holes1[:, 75] = np.nan, 0, -1
@@ -160,5 +203,7 @@ def test_protocol():
     protocol = dict(PoseDepthInliers().protocol)
     assert protocol.pop("stereo")["max_disparity"] == 192
     assert protocol == {"inliers": "pose_depth", "threshold": 3.0, "occlusion": 0.05}
+    other = PoseDepthInliers(threshold=2.0, occlusion=0.1).protocol
+    assert (other["threshold"], other["occlusion"]) == (2.0, 0.1)
     assert PoseDepthInliers.independent
     assert not PoseDepthInliers.uses_frames

@@ -9,8 +9,10 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
+from sips_lit.geometry.pnp import p3p_ransac
 from sips_lit.geometry.pose import PoseEstimate, rotation_error, translation_error
 from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.geometry.resize import resize_camera
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.inliers.verification import verify
 from sips_lit.pairs.sampler import read_pair
@@ -135,6 +137,52 @@ def test_the_same_call_gives_the_same_answer_and_another_seed_other_samples():
     assert len(set(counts)) > 1
     seeded = [replace(few, seed=seed)(pair, points0, points1, matches).inlier.sum() for seed in range(6)]
     assert counts == seeded
+
+
+def test_other_pairs_get_other_samples():
+    pair = read_pair(SCENES["depth"], 0, 2)
+    points0, points1, matches, _ = true_points(wrong=0.7)
+    few = replace(CHECK, iterations=4)
+    counts = {few(replace(pair, index0=i), points0, points1, matches).inlier.sum() for i in range(6)}
+    assert len(counts) > 1
+
+
+@pytest.mark.parametrize("threshold", [1.0, 3.0])
+def test_inliers_project_within_the_threshold_of_the_pose(threshold):
+    pair = read_pair(SCENES["depth"], 0, 2)
+    points0, points1, matches, _ = true_points()
+    noisy = keypoints(points1.xy + np.random.default_rng(1).normal(0, 1.5, points1.xy.shape))
+    found = replace(CHECK, threshold=threshold).prepare(pair, points0, noisy).estimate(matches)
+    own = sample_depth(pair.geometry.depth0, points0.xy)
+    moved, _ = transfer(points0.xy, own, CAMERA, CAMERA, found.T_1_0)
+    error = np.linalg.norm(moved[matches.index0] - noisy.xy[matches.index1], axis=1)
+    np.testing.assert_array_equal(found.inlier, error <= threshold)
+    assert ((error > threshold) & (error <= 2 * threshold)).any()
+
+
+def test_each_image_has_its_own_camera():
+    """Image 1 is enlarged: its camera and its points are those of another size."""
+    pair = read_pair(SCENES["depth"], 0, 2)
+    points0, points1, matches, right = true_points()
+    size = (2 * CAMERA.size[0], 2 * CAMERA.size[1])
+    larger = replace(pair.geometry, camera1=resize_camera(CAMERA, size), depth1=None)
+    enlarged = keypoints(points1.xy * 2 + 0.5)
+    found = CHECK.prepare(replace(pair, geometry=larger), points0, enlarged).estimate(matches)
+    assert translation_error(found.T_1_0, pair.geometry.T_1_0) < 0.05
+    assert found.inlier[right].mean() > 0.9
+
+
+def test_the_number_of_samples_is_handed_on(monkeypatch):
+    asked = []
+
+    def noting(points, pixels, camera, generator, iterations, threshold):
+        asked.append(iterations)
+        return p3p_ransac(points, pixels, camera, generator, iterations, threshold)
+
+    monkeypatch.setattr("sips_lit.inliers.stereo_p3p.p3p_ransac", noting)
+    points0, points1, matches, _ = true_points()
+    replace(CHECK, iterations=123)(read_pair(SCENES["depth"], 0, 2), points0, points1, matches)
+    assert asked == [123, 123]  # both ways
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])

@@ -83,6 +83,30 @@ def test_states_add(a, b):
     assert result.points == len(a) + len(b)
 
 
+def test_updates_add():
+    metric, scores, labels = Calibration(bins=5), [0.1, 0.7, 0.75, 0.3], [True, True, False, False]
+    for part in (slice(0, 1), slice(1, 4)):
+        metric.update(torch.tensor(scores[part]), torch.tensor(labels[part]))
+    expected = calibration_by_loop(list(zip(scores, labels, strict=True)), 5)
+    result, scalars = metric.result(), metric.compute()
+    assert (result.ece, result.mce, result.brier) == pytest.approx(expected, abs=1e-6)
+    assert [scalars[name].item() for name in ("ece", "mce", "brier")] == pytest.approx(expected, abs=1e-6)
+    assert expected[0] != pytest.approx(expected[1], abs=0.01)
+
+
+def test_processes_are_merged():
+    def and_another(state: torch.Tensor, group: object) -> list[torch.Tensor]:
+        other = Calibration(bins=5)
+        other.update(torch.tensor([0.7, 0.75, 0.3]), torch.tensor([True, False, False]))
+        return [state, other.sums]
+
+    metric = Calibration(bins=5, dist_sync_fn=and_another, distributed_available_fn=lambda: True)
+    metric.update(torch.tensor([0.1]), torch.tensor([True]))
+    expected = calibration_by_loop([(0.1, True), (0.7, True), (0.75, False), (0.3, False)], 5)
+    assert metric.result().points == 4
+    assert metric.compute()["brier"].item() == pytest.approx(expected[2], abs=1e-6)
+
+
 def test_metric_survives_reset_and_pickling_and_takes_half_precision():
     metric = Calibration(bins=4)
     metric.update(torch.tensor([0.75, 1.0], dtype=torch.bfloat16, requires_grad=True), torch.tensor([0, 1]))

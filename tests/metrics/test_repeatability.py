@@ -44,6 +44,41 @@ def test_counted_by_hand():
     assert measure(shifted(50), xy0, xy1, matches, 4.0).matching_score == pytest.approx(2 / 3)
 
 
+def test_a_point_that_is_not_seen_corresponds_to_none_however_near():
+    # (151, 50) would be at (201, 50), beyond the last column; (199, 50) is 2 px from there
+    xy0, xy1 = points((10, 10), (151, 50)), points((100, 90), (199, 50))
+    result = measure(shifted(50), xy0, xy1, Matches(np.array([1]), np.array([1])))
+    assert (result.repeatability, result.matching_score) == (0, 0)
+
+
+def test_each_image_has_its_own_size():
+    wide = np.zeros((100, 300), np.uint8)
+    pair = FramePair("p", 0, 1, (IMAGE, wide), IMAGE, wide, np.array([[1.0, 0, 100], [0, 1, 0], [0, 0, 1]]))
+    given0, given1 = keypoints(points((150, 50))), keypoints(points((250, 50), (90, 50), (299, 50)))
+    moved0, moved1 = move_points(pair, given0, given1, StereoMatcher())
+    assert moved0.visible.tolist() == [True]  # at (250, 50): image 0 ends before
+    assert moved1.visible.tolist() == [True, False, True]
+    np.testing.assert_allclose(moved1.xy, [[150, 50], [-10, 50], [199, 50]])
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "seen"),
+    [
+        (-0.4, 50, True),
+        (-0.6, 50, False),
+        (199.4, 50, True),
+        (199.6, 50, False),
+        (9, -0.4, True),
+        (9, -0.6, False),
+        (9, 99.4, True),
+        (9, 99.6, False),
+    ],
+)
+def test_pixels_reach_half_a_pixel_beyond_their_centres(x, y, seen):
+    moved, _ = move_points(shifted(0), keypoints(points((x, y))), NO_POINTS, StereoMatcher())
+    assert moved.visible.tolist() == [seen]
+
+
 def test_many_points_in_one_place_count_once():
     xy0, xy1 = points((50, 50)), points((50, 50), (50.5, 50), (51, 50), (50, 51))
     assert measure(shifted(0), xy0, xy1).repeatability == 1
@@ -101,6 +136,13 @@ def test_by_depth():
     assert moved1.visible.tolist() == [True]
     # 160 is unknown and 10 leaves: two points count
     assert measure(pair, xy0, points((111, 20), (100, 90), (150, 90))).repeatability == 1 / 2
+
+
+def test_depth_of_image_1_moves_its_points_back():
+    pair = stereo(None, np.full((100, 200), 10.0))
+    moved0, moved1 = move_points(pair, NO_POINTS, keypoints(points((110, 20))), StereoMatcher())
+    np.testing.assert_allclose(moved1.xy, [[120, 20]])
+    assert len(moved0.xy) == 0
 
 
 def test_hidden_by_a_nearer_surface():

@@ -62,9 +62,54 @@ def test_going_back_must_return():
     assert held.sum() < looser.sum()
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {},
+        {"max_roundtrip": 0.3},
+        {"max_roundtrip": 3.0},
+        {"window": 7},
+        {"max_level": 1},
+        {"max_level": 0},
+        {"iterations": 2},
+        {"accuracy": 0.5},
+        {"margin": 20.0},
+    ],
+)
+def test_a_step_by_definition(parameters):
+    """Forth and back with OpenCV's own call, and each condition written out, on images that track badly."""
+    names = {"window": 15, "max_level": 3, "iterations": 15, "accuracy": 0.03, "max_roundtrip": 1.0, "margin": 4.0}
+    p = {**names, **parameters}
+    image0, image1 = flight(2, step=(9, -5), zoom=1.2).frames
+    xy = grid(border=4, step=5)
+    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, p["iterations"], p["accuracy"])
+    options = {"winSize": (p["window"], p["window"]), "maxLevel": p["max_level"], "criteria": criteria}
+    forth, there, _ = cv2.calcOpticalFlowPyrLK(image0, image1, xy, None, **options)
+    back, here, _ = cv2.calcOpticalFlowPyrLK(image1, image0, forth, None, **options)
+    expected = []
+    for start, (x, y), end, *found in zip(xy, forth, back, there, here, strict=True):
+        returns = np.hypot(*(end - start)) <= p["max_roundtrip"]
+        inside = p["margin"] <= x <= 159 - p["margin"] and p["margin"] <= y <= 119 - p["margin"]
+        expected.append(returns and inside and all(found))
+    places, held = KltTracker(**parameters).step(image0, image1, xy)
+    np.testing.assert_array_equal(places, forth)
+    np.testing.assert_array_equal(held, expected)
+    assert 0 < held.sum() < len(xy)
+
+
+def test_parameters_change_a_step():
+    """Else the test above would say nothing about them."""
+    image0, image1 = flight(2, step=(9, -5), zoom=1.2).frames
+    default = KltTracker().step(image0, image1, grid())[0]
+    for name, value in {"window": 21, "max_level": 1, "iterations": 2, "accuracy": 0.5}.items():
+        assert not np.array_equal(KltTracker(**{name: value}).step(image0, image1, grid())[0], default), name
+
+
 def test_flat_images_hold_no_track():
     flat = np.full((60, 80), 128, np.uint8)
     _, held = KltTracker().step(flat, texture(60, 80), grid(80, 60, 10))
+    assert not held.any()
+    _, held = KltTracker().step(flat, flat, grid(80, 60, 10))  # a point that stays where it was is not found, either
     assert not held.any()
 
 
