@@ -1,4 +1,8 @@
-"""Fetching large files: in pieces if need be, checked, and never half a file under its final name."""
+"""Fetching large files: resumed after a lost connection, checked, and never half a file under its final name.
+
+Own code, since pooch and urllib don't resume: pooch 1.9 sends no Range and deletes its temporary file when the connection
+is lost, so that 23 GB of KITTI would start from zero; and it doesn't look at the free disk space.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +77,7 @@ def remote_size(url: str, timeout: float = 20) -> int | None:
         with urllib.request.urlopen(urllib.request.Request(url, method="HEAD"), timeout=timeout) as answer:
             length = answer.headers.get("Content-Length")
     except urllib.error.HTTPError as error:
-        raise BadInputError(f"{url} answers {error.code} ({error.reason}): the data may have moved") from error
+        raise _refused(url, error) from error
     except LOST as error:
         raise BadInputError(
             f"{url} can't be reached ({_reason(error)}): check the network, or fetch it by hand"
@@ -99,9 +103,7 @@ def fetch(file: RemoteFile, folder: Path, attempts: int = 5, pause: float = 2.0,
                 failures += 1
                 reason = "the connection was closed early"
             except urllib.error.HTTPError as error:
-                raise BadInputError(
-                    f"{file.url} answers {error.code} ({error.reason}): the data may have moved"
-                ) from error
+                raise _refused(file.url, error) from error
             except LOST as error:
                 failures, reason = failures + 1, _reason(error)
             failures = 1 if _size(part) > before else failures
@@ -166,6 +168,10 @@ def _check_disk(part: Path, needed: int) -> None:
         raise BadInputError(
             f"{part.stem} needs {needed / 1e9:.1f} GB more, but {part.parent} has {max(free, 0) / 1e9:.1f} GB free"
         )
+
+
+def _refused(url: str, error: urllib.error.HTTPError) -> BadInputError:
+    return BadInputError(f"{url} answers {error.code} ({error.reason}): the data may have moved")
 
 
 def _size(path: Path) -> int:

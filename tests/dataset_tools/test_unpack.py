@@ -76,8 +76,23 @@ def test_a_bomb_is_refused(tmp_path, make, name):
 
 
 def test_a_header_that_lies_about_the_size_is_found_out(tmp_path):
-    with pytest.raises(BadInputError, match="more than the 3 bytes"):
-        unpacking._write(io.BytesIO(b"four"), tmp_path, "x", 3, tmp_path / "a.zip")
+    archive = make_zip(tmp_path / "a.zip", {"zeros": bytes(20_000_000)})
+    data = archive.read_bytes()
+    place = data.index(b"PK\x01\x02") + 24  # of the unpacked size, in the table of contents
+    archive.write_bytes(data[:place] + (1000).to_bytes(4, "little") + data[place + 4 :])
+    with pytest.raises(BadInputError, match=r"a\.zip is damaged"):
+        unpack(archive, tmp_path / "out")
+    assert sum(file.stat().st_size for file in (tmp_path / "out").iterdir()) <= 1000  # of 20 MB
+
+
+def test_a_truncated_archive_is_named(tmp_path):
+    with tarfile.open(tmp_path / "a.tar", "w") as archive:
+        info = tarfile.TarInfo("a")
+        info.size = 100_000
+        archive.addfile(info, io.BytesIO(bytes(range(250)) * 400))
+    (tmp_path / "a.tar").write_bytes((tmp_path / "a.tar").read_bytes()[:50_000])
+    with pytest.raises(BadInputError, match=r"a\.tar is damaged"):
+        unpack(tmp_path / "a.tar", tmp_path / "out")
 
 
 def test_what_does_not_fit_is_refused(tmp_path, monkeypatch):

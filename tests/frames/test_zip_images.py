@@ -4,6 +4,7 @@ import pickle
 import tracemalloc
 import zipfile
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,8 @@ import pytest
 from textured_scenes import texture
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.zip_images import ZipSequence, list_members, read_member
+from sips_lit.frames import zip_images
+from sips_lit.frames.zip_images import OPEN_ARCHIVES, ZipSequence, list_members, read_member
 
 
 def encoded(image: np.ndarray, suffix: str = ".jpg") -> bytes:
@@ -39,17 +41,59 @@ def test_frames_in_order_as_from_files(tmp_path: Path, packed: int, name: str):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["images.zip"]  # nothing is unpacked
 
 
-def test_bytes_as_the_zip_library_reads_them(tmp_path: Path):
+def test_bytes_as_they_were_written(tmp_path: Path):
     path = write_zip(tmp_path / "a.zip", 3, zipfile.ZIP_DEFLATED)
     with zipfile.ZipFile(path, "a") as archive:
         entry = zipfile.ZipInfo("more.jpg")
         entry.extra = b"\x99\x99\x04\x00abcd"  # a field of a kind that nobody knows, before the data
         archive.writestr(entry, encoded(texture(48, 64)))
     path.write_bytes(b"a program before the archive" + path.read_bytes())
-    with zipfile.ZipFile(path) as archive:
-        assert [read_member(path, member) for member in list_members(path)] == [
-            archive.read(name) for name in archive.namelist()
-        ]
+    expected = [encoded(texture(48, 64, i)) for i in (0, 1, 2)] + [encoded(texture(48, 64))]
+    assert [read_member(path, member) for member in list_members(path)] == expected
+
+
+def test_few_archives_stay_open(tmp_path: Path, monkeypatch):
+    def open_here() -> int:
+        links = [file.readlink() for file in Path("/proc/self/fd").iterdir() if file.is_symlink()]
+        return sum(str(link).startswith(str(tmp_path)) for link in links)
+
+    monkeypatch.setattr(zip_images, "_opened", lru_cache(5)(zip_images._opened.__wrapped__))
+    assert 50 <= OPEN_ARCHIVES <= 128  # all of TUM mono; far from the usual limit of 1024 open files
+    sequences = [ZipSequence(write_zip(tmp_path / f"{i}.zip", 2)) for i in range(12)]
+    assert open_here() == 0  # until a frame is read
+    for sequence in sequences * 2:
+        np.testing.assert_array_equal(sequence.frame(1), sequences[0].frame(1))
+        assert 1 <= open_here() <= 5
+
+
+def test_an_archive_that_was_replaced_is_opened_anew(tmp_path: Path):
+    path = write_zip(tmp_path / "a.zip")
+    ZipSequence(path).frame(0)
+    with zipfile.ZipFile(tmp_path / "b.zip", "w") as archive:
+        for i in range(2):
+            archive.writestr(f"{i}.png", encoded(texture(48, 64, 7 + i), ".png"))
+    (tmp_path / "b.zip").replace(path)
+    np.testing.assert_array_equal(ZipSequence(path).frame(0), texture(48, 64, 7))
+
+
+def test_workers_and_their_parent_read_one_large_archive_at_once(tmp_path: Path):
+    """The archive is open in the parent before the fork; every picture has its own grey value."""
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for i in range(200):
+            archive.writestr(f"{i}.png", encoded(np.full((200, 300), i, np.uint8), ".bmp"))
+    sequence = ZipSequence(tmp_path / "a.zip")
+    assert sequence.frame(0).max() == 0
+    indices = list(range(200)) * 3
+    with ProcessPoolExecutor(2, multiprocessing.get_context("fork")) as processes:
+        futures = [processes.submit(grey_value, sequence, i) for i in indices]
+        with ThreadPoolExecutor(2) as threads:
+            assert list(threads.map(lambda i: grey_value(sequence, i), indices)) == indices
+        assert [future.result() for future in futures] == indices
+
+
+def grey_value(sequence: ZipSequence, index: int) -> int:
+    (value,) = np.unique(sequence.frame(index))
+    return int(value)
 
 
 def test_members_written_to_a_pipe(tmp_path: Path):
@@ -68,7 +112,7 @@ def test_what_is_no_image_is_passed_over(tmp_path: Path):
         archive.mkdir("more")
         for name in ("notes.txt", "__MACOSX/._00000.jpg", ".hidden/1.jpg", "more/.x.jpg"):
             archive.writestr(name, b"no image")
-    assert [member.name for member in list_members(path)] == [f"{i:05d}.jpg" for i in range(4)]
+    assert [member.filename for member in list_members(path)] == [f"{i:05d}.jpg" for i in range(4)]
 
 
 def test_max_side_and_fingerprint(tmp_path: Path):
@@ -104,7 +148,9 @@ def test_a_damaged_member_is_named(tmp_path: Path, packed: int):
     path = write_zip(tmp_path / "a.zip", packed=packed)
     member = list_members(path)[2]
     data = bytearray(path.read_bytes())
-    data[member.start + 30 + len(member.name) + member.packed // 2] ^= 0x10  # one bit in the middle of the picture
+    data[member.header_offset + 30 + len(member.filename) + member.compress_size // 2] ^= (
+        0x10  # one bit in the middle of the picture
+    )
     path.write_bytes(data)
     sequence = ZipSequence(path)
     sequence.frame(1)
@@ -196,3 +242,6 @@ def test_members_that_lie_about_their_size(tmp_path: Path):
     claim(path, 3_000_000_000)
     with pytest.raises(BadInputError, match=r"0\.png in .* claims 3000000000 bytes"):
         ZipSequence(path)
+    claim(path, 50_000_001)
+    with pytest.raises(BadInputError, match=r"0\.png in .*bomb\.zip is damaged"):
+        ZipSequence(path).frame(0)
