@@ -1,5 +1,6 @@
 import threading
 import time
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -184,6 +185,23 @@ def test_points_on_a_line_that_fit_are_no_pose():
         found = estimate(line, projected[:, :2] / projected[:, 2:], iterations=300)
         assert found.T_1_0 is None
         assert not found.inlier.any()
+
+
+def test_outliers_do_not_make_up_for_inliers_on_a_line(monkeypatch):
+    """The search is stood in for by the true pose, with which only the points of a line agree."""
+    points, pixels, T, _ = correspondences(12, 0, outliers=0.5)
+    along = np.linspace(3, 9, 6)[:, None] * [0.1, 0.05, 1] + [0.5, 0.2, 0]
+    points[6:] = (along - T[:3, 3]) @ T[:3, :3]
+    seen = along @ CAMERA.matrix.T
+    pixels[6:] = seen[:, :2] / seen[:, 2:]
+    monkeypatch.setattr("poselib.estimate_absolute_pose", lambda *_: (SimpleNamespace(Rt=T[:3]), {}))
+    found = estimate(points, pixels)
+    assert found.T_1_0 is None
+    assert not found.inlier.any()
+    points[11] += [0.1, 0, 0]
+    seen = CAMERA.matrix @ (T[:3, :3] @ points[11] + T[:3, 3])
+    pixels[11] = seen[:2] / seen[2]
+    assert estimate(points, pixels).inlier.tolist() == [False] * 6 + [True] * 6
 
 
 def test_other_threads_run_meanwhile():

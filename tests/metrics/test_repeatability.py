@@ -59,6 +59,9 @@ def test_each_image_has_its_own_size():
     assert moved0.visible.tolist() == [True]  # at (250, 50): image 0 ends before
     assert moved1.visible.tolist() == [True, False, True]
     np.testing.assert_allclose(moved1.xy, [[150, 50], [-10, 50], [199, 50]])
+    # the other way: (190, 50) of image 1 is at (210, 50), beyond image 0 though not beyond image 1
+    left = FramePair("p", 0, 1, (IMAGE, wide), IMAGE, wide, np.array([[1.0, 0, -20], [0, 1, 0], [0, 0, 1]]))
+    assert move_points(left, NO_POINTS, keypoints(points((190, 50))), StereoMatcher())[1].visible.tolist() == [False]
 
 
 @pytest.mark.parametrize(
