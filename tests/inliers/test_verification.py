@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from textured_scenes import keypoints
@@ -140,3 +142,47 @@ def test_outcomes_are_scores_and_labels_of_the_best_points():
     expected = [i in {a for a, _ in found} for i in range(20)] + [j in {b for _, b in found} for j in range(20)]
     assert inlier.tolist() == expected
     assert 0 < sum(expected) < 40
+
+
+class HalfKnown(IndependentCheck):
+    """Knows the points of even index only, and of matches those between two of them."""
+
+    protocol = HomographyInliers().protocol
+
+    def __call__(self, pair, keypoints0, keypoints1, matches):
+        found = HomographyInliers()(pair, keypoints0, keypoints1, matches)
+        known0, known1 = np.arange(len(keypoints0)) % 2 == 0, np.arange(len(keypoints1)) % 2 == 0
+        unknown = ~(known0[matches.index0] & known1[matches.index1])
+        found.reason[unknown], found.inlier[unknown] = Reason.UNKNOWN, False
+        return dataclasses.replace(found, known0=known0, known1=known1)
+
+
+def test_points_whose_truth_is_unknown_have_no_outcome():
+    both = features(40, 40, 1)
+    verified = verify(PAIR, *both, HalfKnown())
+    matches, inliers = verified.at(40)
+    index = np.arange(40)
+    matched_to_nobody_known = [set(side[inliers.reason == Reason.UNKNOWN]) for side in (matches.index0, matches.index1)]
+    expected = [
+        f.keypoints.score[i]
+        for f, unknown in zip(both, matched_to_nobody_known, strict=True)
+        for i in index
+        if i % 2 == 0 and i not in unknown
+    ]
+    scores, inlier = verified.outcomes(40)
+    np.testing.assert_array_equal(scores, np.array(expected, np.float32))
+    assert 0 < len(scores) == len(inlier) < 40
+
+
+def test_all_matches_are_verified_at_once_where_that_is_possible():
+    both, calls = features(40, 40, 0), []
+
+    class Counted(HomographyInliers):
+        def __call__(self, *arguments):
+            calls.append(1)
+            return super().__call__(*arguments)
+
+    verified = verify(PAIR, *both, Counted())
+    assert [verified.points_needed(k, 40) for k in (2, 5, 9)]
+    assert [len(verified.at(n).matches) for n in (5, 10, 20)]
+    assert len(calls) == 1

@@ -110,3 +110,10 @@ def test_no_points():
     for verifier in (ExactVerifier(lifetimes, nothing, N), SearchVerifier(lifetimes, lambda m, r: nothing, 1)):
         assert verifier.needed(1, N, 0) is None
         assert verifier.at(N, 0).inlier_count == 0
+
+
+def test_a_search_stays_in_its_repeat():
+    distance = np.abs(np.subtract.outer(np.arange(N), np.arange(N))) + 0.0
+    asked = Asked(np.ones((N, N), bool))
+    SearchVerifier(mutual_nearest_lifetimes(distance), asked, 3).needed(5, N, 2)
+    assert {repeat for repeat, *_ in asked.matches} == {2}
