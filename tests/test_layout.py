@@ -10,12 +10,6 @@ PACKAGE, TESTS = Path(sips_lit.__file__).parent, Path(__file__).parent
 WITHOUT_TESTS = {
     "errors.py",
     "evaluate/result.py",
-    "report/counts.py",
-    "report/figures.py",
-    "report/page.py",
-    "report/protocol.py",
-    "report/sortable_table.py",
-    "report/tensorboard.py",
 }
 
 

@@ -1,4 +1,4 @@
-"""CSV files of a benchmark: a row a detector, and a row a pair."""
+"""CSV files: a row per method, and a row per pair."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,11 @@ from sips_lit.files import make_folder, safe_name, write_whole
 from sips_lit.report.columns import columns_of
 from sips_lit.report.summary import main_budget, main_k, median_needed, over_repeats
 
+_HEADER: Final = ("pair_set", "detector", "name", "pairs", "k", "n_max", "n")
+
 
 def write_tables(folder: Path, results: Sequence[PairSetResult]) -> list[Path]:
-    """Writes ``summary.csv`` and, per pair set and detector, ``<set>/<key>_pairs.csv`` and ``<set>/<key>_all.csv``.
+    """Writes ``summary.csv`` and, per pair set and method, ``<set>/<key>_pairs.csv`` and ``<set>/<key>_all.csv``.
 
     A failure is ``inf``, what is undefined ``nan``. Raises BadInputError when a file cannot be written.
     """
@@ -28,55 +30,58 @@ def write_tables(folder: Path, results: Sequence[PairSetResult]) -> list[Path]:
         subfolder = folder / safe_name(result.key)
         if result.detectors:
             make_folder(subfolder)
-        for detector in result.detectors:
-            stem = safe_name(detector.key)
-            written.append(_write(subfolder / f"{stem}_pairs.csv", pair_rows(detector)))
-            written.append(_write(subfolder / f"{stem}_all.csv", wide_rows(detector)))
+        for method in result.detectors:
+            stem = safe_name(method.key)
+            written.append(_write(subfolder / f"{stem}_pairs.csv", pair_rows(method)))
+            written.append(_write(subfolder / f"{stem}_all.csv", wide_rows(method)))
     return written
 
 
 def summary_rows(results: Sequence[PairSetResult]) -> list[list[str]]:
-    """The header and a row for each detector on each pair set, unrounded; a cell is empty where the set lacks a column."""
-    tables = [(result, columns_of(result.detectors)) for result in results]
-    keys = list(dict.fromkeys(key for _, columns in tables for c in columns for key in _keys(c.key, c.deviation)))
-    lines = [["pair_set", "detector", "name", "pairs", "k", "n_max", "n", *keys]]
-    for result, columns in tables:
+    """The header and a row for each method on each pair set, unrounded; a cell is empty where the set lacks a column."""
+    rows: list[dict[str, str]] = []
+    for result in results:
+        columns = columns_of(result.detectors)
         for method in result.detectors:
-            cells = {column.key: _text(column.value(method)) for column in columns}
-            cells |= {f"{c.key}_deviation": _text(c.deviation(method)) for c in columns if c.deviation}
             n = main_budget(method)
-            protocol = [str(len(method.pairs)), str(main_k(method)), str(method.n_max), "" if n is None else str(n)]
-            lines.append([result.key, method.key, method.name, *protocol, *(cells.get(key, "") for key in keys)])
-    return lines
+            row = {"pair_set": result.key, "detector": method.key, "name": method.name, "pairs": str(len(method.pairs))}
+            row |= {"k": str(main_k(method)), "n_max": str(method.n_max), "n": "" if n is None else str(n)}
+            for column in columns:
+                row[column.key] = _text(column.value(method))
+                if column.deviation is not None:
+                    row[f"{column.key}_deviation"] = _text(column.deviation(method))
+            rows.append(row)
+    header = list(dict.fromkeys((*_HEADER, *(key for row in rows for key in row))))
+    return [header, *([row.get(key, "") for key in header] for row in rows)]
 
 
-def pair_rows(result: MethodResult) -> list[list[str]]:
+def pair_rows(method: MethodResult) -> list[list[str]]:
     """The columns of the paper's supplement: true rotation (degrees) and translation (metres), n_k, and pose errors at n_k.
 
     Where the verification was repeated these are medians over the repeats.
     """
-    k = main_k(result)
-    at = result.ks.index(k)
+    k = main_k(method)
+    at = method.ks.index(k)
     columns = [
-        result.pairs.rotation,
-        result.pairs.translation,
-        median_needed(result, k),
-        over_repeats(result.rotation_error[:, :, at]),
-        over_repeats(result.translation_error[:, :, at]),
+        method.pairs.rotation,
+        method.pairs.translation,
+        median_needed(method, k),
+        over_repeats(method.rotation_error[:, :, at]),
+        over_repeats(method.translation_error[:, :, at]),
     ]
-    return _rows(["name", "dR", "dt", "nmin", "eR", "et"], result.pairs.name, columns)
+    return _rows(["name", "dR", "dt", "nmin", "eR", "et"], method.pairs.name, columns)
 
 
-def wide_rows(result: MethodResult) -> list[list[str]]:
+def wide_rows(method: MethodResult) -> list[list[str]]:
     """Everything that is known of each pair: n_k and pose errors for every k, and the counts at every budget."""
-    table = result.pairs
+    table = method.pairs
     named: dict[str, NDArray[Any]] = {"overlap": table.overlap, "dR": table.rotation, "dt": table.translation}
-    named |= {"points0": result.points0, "points1": result.points1}
-    for index, k in enumerate(result.ks):
-        named[f"n_{k}"] = median_needed(result, k)
-        named[f"eR_{k}"] = over_repeats(result.rotation_error[:, :, index])
-        named[f"et_{k}"] = over_repeats(result.translation_error[:, :, index])
-    for n, budget in sorted(result.budgets.items()):
+    named |= {"points0": method.points0, "points1": method.points1}
+    for index, k in enumerate(method.ks):
+        named[f"n_{k}"] = median_needed(method, k)
+        named[f"eR_{k}"] = over_repeats(method.rotation_error[:, :, index])
+        named[f"et_{k}"] = over_repeats(method.translation_error[:, :, index])
+    for n, budget in sorted(method.budgets.items()):
         named[f"matches_at_{n}"] = budget.matches
         named[f"inliers_at_{n}"] = over_repeats(budget.inliers.astype(np.float64))
         named[f"eR_at_{n}"] = over_repeats(budget.rotation_error)
@@ -85,10 +90,6 @@ def wide_rows(result: MethodResult) -> list[list[str]]:
         named[f"matching_score_at_{n}"] = budget.matching_score
         named[f"spread_at_{n}"] = budget.spread
     return _rows(["name", *named], table.name, list(named.values()))
-
-
-def _keys(key: str, deviation: object) -> list[str]:
-    return [key, f"{key}_deviation"] if deviation else [key]
 
 
 def _rows(header: list[str], names: Sequence[str], columns: Sequence[Iterable[float]]) -> list[list[str]]:

@@ -1,4 +1,4 @@
-"""The numbers of a benchmark in TensorBoard."""
+"""The numbers of the tables in TensorBoard."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sips_lit.report.columns import columns_of
 
 
 def log_numbers(writer: SummaryWriter, results: Sequence[PairSetResult]) -> None:
-    """Logs ``benchmark/<set>/<detector>/<column>`` for each finite number of the tables."""
+    """Logs ``benchmark/<set>/<method>/<column>`` for each finite number of the tables."""
     for result in results:
         columns = columns_of(result.detectors)
         for method in result.detectors:

@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 import cv2
 import numpy as np
 import pytest
+from markupsafe import Markup
 
 from sips_lit.errors import BadInputError
 from sips_lit.render.comparison import draw_comparison
@@ -51,3 +52,9 @@ def test_a_small_figure_stays_small():
     large.set_size_inches(2 * small.get_figwidth(), small.get_figheight())
     widths = [re.search(r"max-width: (\d+)px", inline_svg(f, "p", "d"))[1] for f in (small, large)]
     assert int(widths[1]) == pytest.approx(2 * int(widths[0]), abs=1)
+
+
+def test_the_description_is_escaped():
+    svg = inline_svg(figure(), "p", '<b>"&')
+    assert ET.fromstring(svg).get("aria-label") == '<b>"&'
+    assert Markup.escape(svg) == svg  # a template takes it as it is

@@ -5,7 +5,16 @@ import pytest
 from benchmark_examples import detector_result, pair_table
 
 from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.report.summary import error_auc, error_curve, main_budget, main_k, over_repeats, without_pose
+from sips_lit.report.summary import (
+    at_main_budget,
+    error_auc,
+    error_curve,
+    main_budget,
+    main_k,
+    needed_points,
+    over_repeats,
+    without_pose,
+)
 
 
 def test_the_k_and_n_of_the_table_are_the_protocols():
@@ -36,3 +45,18 @@ def test_the_median_over_repeats_was_measured():
     values = np.array([[3.0, 1, 2], [np.inf, 1, np.inf], [np.nan] * 3])
     np.testing.assert_array_equal(over_repeats(values), [2, np.inf, np.nan])
     np.testing.assert_array_equal(over_repeats(np.array([[4.0, np.inf]])), [4])
+
+
+def test_what_was_measured_at_the_n_of_the_table():
+    table = pair_table(np.random.default_rng(0), 3)
+    a, b, c = (detector_result(name, table, seed) for seed, name in enumerate("abc"))
+    a = replace(a, protocol={"n": 100})
+    found = at_main_budget([a, replace(b, budgets={50: b.budgets[50]}), c])
+    assert found == {"a": a.budgets[100], "c": c.budgets[100]}
+    assert at_main_budget([]) == {}
+    assert at_main_budget([replace(a, protocol={}, budgets={})]) == {}
+
+
+def test_points_needed_are_those_of_their_k():
+    result = detector_result("a", pair_table(np.random.default_rng(0), 3))
+    np.testing.assert_array_equal(needed_points(result, 12), result.n_k[..., 5])

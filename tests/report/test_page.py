@@ -1,0 +1,129 @@
+import re
+from dataclasses import replace
+from html import unescape
+
+import numpy as np
+import pytest
+from benchmark_examples import NAMES, pair_set
+from golden_results import golden
+
+from sips_lit.evaluate.result import PairSetResult
+from sips_lit.render.styles import detector_styles
+from sips_lit.report.columns import columns_of
+from sips_lit.report.counts import OUTCOMES
+from sips_lit.report.page import report_page
+from sips_lit.report.pair_pictures import PairPicture
+
+PICTURE = PairPicture("best", np.full((9, 12, 3), 90, np.uint8), "n_7 = 12")
+
+
+def page(*results, pictures=None, date="2026-01-02"):
+    styles = detector_styles(method.name for result in results for method in result.detectors)
+    return report_page(results, pictures or {}, styles, date, {"cores": "2", "processor": "a test"})
+
+
+def one_method():
+    result = golden()
+    return replace(result, detectors=result.detectors[:1])
+
+
+@pytest.fixture(scope="module")
+def text():
+    return page(golden(), pictures={("kitti", "beta"): [PICTURE]})
+
+
+def entries(text):
+    """The glossary: meanings by term."""
+    found = re.findall(r"<dt>(.*?)</dt>\s*<dd>(.*?)</dd>", text, re.DOTALL)
+    return {unescape(term): " ".join(unescape(meaning).split()) for term, meaning in found}
+
+
+def test_every_column_is_defined_where_it_stands_and_in_the_glossary(text):
+    glossary = entries(text)
+    tips = dict(re.findall(r'title="([^"]*)"><button type="button">(.*?)</button>', text))
+    for column in columns_of(golden().detectors):
+        assert glossary[column.title] == column.definition
+        assert {unescape(tip): unescape(title) for tip, title in tips.items()}[column.definition] == column.title
+
+
+def test_every_reason_for_no_number_is_explained(text):
+    assert set(OUTCOMES.values()) - {"with a pose"} <= set(entries(text))
+    assert {"failure", "own n only", "control", "- (a dash)"} <= set(entries(text))
+
+
+def test_definitions_of_different_pair_sets():
+    """One title may mean another k."""
+    other = replace(golden(), detectors=tuple(replace(m, protocol=m.protocol | {"k": 4}) for m in golden().detectors))
+    text = page(golden(), other)
+    assert "80 % of the pairs have 7 inliers" in text
+    assert "80 % of the pairs have 4 inliers" in text.split('id="glossary"')[1]
+
+
+def test_parts_of_a_pair_set(text):
+    for words in (
+        "<h2>KITTI</h2>",
+        "6 pairs of images. A click on a heading sorts.",
+        "<b>gone</b>: no weights",
+        "Best, median and worst pair of each method",
+        "<b>best</b>: n_7 = 12",
+        "Pairs without a pose at 60 points, each in 4 repeats",
+        "What differs between the methods",
+        "the same for all methods",
+        '<th scope="row">overlap</th><td>0.25</td>',
+        '<th scope="row">processor</th><td>a test</td>',
+        '<p class="soft">2026-01-02</p>',
+    ):
+        assert words in text
+    assert text.count("<img") == 1
+    assert 'alt="best pair of Beta"' in text
+
+
+def test_the_text_suits_one_method():
+    text = page(one_method(), pictures={("kitti", "alpha"): [PICTURE]})
+    section = text.split('<section id="set-0">')[1].split("</section>")[0]
+    assert "<h3>Best, median and worst pair</h3>" in section
+    assert "Defects in what the detector returned" in section
+    assert "The detector was asked for" in section
+    for words in ("<fieldset>", "A click on a heading", "all methods", "each method", "What differs", 'class="best"'):
+        assert words not in section
+    assert "enchmark" not in re.sub(r"data:image[^\"]*", "", text)
+
+
+def test_curves_are_ticked_best_first():
+    result = pair_set(NAMES[:4], 6, repeats=1)
+    fieldset = page(result).split("<fieldset>")[1].split("</fieldset>")[0]
+    assert re.findall(r'data-show="(\d+)">([^<]*)', fieldset) == [("8", "all"), ("0", "none"), ("6", "best 6")]
+    names = [unescape(name.strip()) for name in re.findall(r"</svg>([^<]*)</label>", fieldset)]
+    assert set(names) == {method.name for method in result.detectors}
+    assert names[0] == "SIPs + RootSIFT"
+    assert {"random + RootSIFT", "grid + RootSIFT"} == set(names[-2:])
+    styles = detector_styles(method.name for method in result.detectors)
+    assert re.findall(r'data-curve="(\d+)"', fieldset) == [str(styles[name].index) for name in names]
+
+
+def test_a_line_looks_as_in_the_charts(text):
+    """Solid with a common descriptor, dashed with the detector's own."""
+    styles = detector_styles(["Alpha + RootSIFT", "Beta"])
+    for name, dashes in (("Alpha + RootSIFT", ""), ("Beta", "6 3")):
+        (swatch,) = set(re.findall(rf'<svg class="swatch"[^>]*>(<path[^>]*>)</svg>{re.escape(name)}', text))
+        assert f'stroke="{styles[name].colour}"' in swatch
+        assert f'stroke-dasharray="{dashes}"' in swatch
+
+
+def test_nothing_was_measured():
+    text = page(PairSetResult("e", "empty", {}, (), {"sift": "no such file"}), date=None)
+    assert "No method could be measured on this pair set." in text
+    assert "<b>sift</b>: no such file" in text
+    assert "No method was measured." in text
+    assert "<table" not in text.split('id="glossary"')[0]
+    assert "There are no pair sets." in page()
+
+
+def test_every_text_is_escaped():
+    evil = "<i>&\"'"
+    result = one_method()
+    method = replace(result.detectors[0], name=evil, protocol=result.detectors[0].protocol | {evil: evil})
+    result = replace(result, title=evil, protocol={evil: evil}, detectors=(method,), skipped={evil: evil})
+    text = page(result, pictures={("kitti", "alpha"): [replace(PICTURE, label=evil, caption=evil)]}, date=evil)
+    assert "<i>" not in text
+    assert text.count("&lt;i&gt;&amp;&#34;&#39;") > 10
