@@ -45,6 +45,8 @@ def inline_svg(figure: Figure, prefix: str, description: str) -> Markup:
     opening, rest = svg.split(">", 1)
     widest = round(_ENLARGED * figure.get_figwidth() * 72)  # or a small figure's letters would be headlines
     opening = re.sub(r' (width|height)="[^"]*"', "", opening)
+    # Markup, so that the template inserts the SVG as it is: matplotlib has escaped all texts in it, and escaping the tags
+    # would show them instead of the figure. The description is the only other text from outside.
     return Markup(f'{opening} style="max-width: {widest}px" role="img" aria-label="{escape(description)}">{rest}')
 
 
