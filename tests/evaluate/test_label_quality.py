@@ -29,6 +29,13 @@ def test_counts_by_hand():
     assert found.recall == pytest.approx(2 / 3)
 
 
+def test_false_alarms_and_misses():
+    """Five inliers of which two are true, of the three that there are; three matches are rightly refused."""
+    found = label_quality(judged(I, I, I, I, I, F, F, F, L), judged(I, I, F, F, L, I, F, F, F))
+    assert (found.true_positives, found.false_positives, found.false_negatives, found.true_negatives) == (2, 3, 1, 3)
+    assert (found.precision, found.recall) == (2 / 5, 2 / 3)
+
+
 def test_nothing_is_nan():
     assert label_quality(judged(), judged()) == LabelQuality()
     assert np.isnan(LabelQuality(true_negatives=3).precision)

@@ -120,3 +120,24 @@ def test_outcomes_of_probabilities():
     np.testing.assert_allclose(scores, [0.9, 0.8, 0.6, 0.1, 0.9, 0.7, 0.5, 0.2])
     assert inlier.tolist() == [True, True, False, False] * 2
     assert outcomes[2][1].tolist() == [True] * 4
+
+
+def test_found_again_but_not_matched():
+    """Two of the three points that image 1 sees are found again; one of these is matched."""
+
+    class One(Known):
+        def at(self, n, repeat):
+            index, known = np.zeros(1, int), np.ones(4, bool)
+            return VerifiedMatches(
+                Matches(index, index), Inliers(np.ones(1, bool), np.zeros(1, np.uint8), known, known)
+            )
+
+    at = of(One({})).budgets[4]
+    assert (at.repeatability, at.matching_score) == (pytest.approx(2 / 3), pytest.approx(1 / 3))
+
+
+def test_spread_is_that_of_image_0():
+    near, far = features([[5, 5], [8, 5]]), features([[5, 5], [25, 5]])
+    m = Measures(k=1, ks=(), n_max=10, n=2, repeats=2)
+    assert measure(VerifiedPair(PAIR, far, near, VERIFIER), None, m).budgets[2].spread == 2 / 64
+    assert measure(VerifiedPair(PAIR, near, far, VERIFIER), None, m).budgets[2].spread == 1 / 64

@@ -201,6 +201,7 @@ def test_pairs_that_nobody_can_judge_are_left_out_and_named():
     wall.depth = lambda index: {0: whole, 2: None}.get(index, np.full_like(whole, NAN))
     pairs = pairs_of(wall).verifiable()
     assert len(pairs) == 1
+    assert pairs.table().name == ("wall:0-2",)
     assert pairs.left_out == ["wall:1-3"]
     assert (pairs.protocol["pairs"], pairs.protocol["left_out"]) == (1, ["wall:1-3"])
     assert "left_out" not in pairs_of().verifiable().protocol

@@ -1,3 +1,4 @@
+import json
 import math
 from dataclasses import replace
 from typing import ClassVar
@@ -252,3 +253,13 @@ def test_verification_that_the_data_can_not_give(benchmark_folder):
     pairs = PairSet([Source([Wall(6, poses=False)])], [ListedPair(0, 0, 2, 1)], PoseDepthInliers())
     with pytest.raises(BadInputError, match="has no pose"):
         run_methods(METHODS[1:2], pairs, MEASURES, benchmark_folder / "none")
+
+
+def test_times_are_means_over_the_images(flights, tmp_path):
+    sequences, listed = flights
+    pairs = PairSet([Source(sequences)], listed, HomographyInliers())
+    (result,) = run_methods(METHODS[1:2], pairs, MEASURES, tmp_path)
+    stored = [json.loads(str(np.load(path)["about"]))["milliseconds"] for path in tmp_path.rglob("*.npz")]
+    assert len(stored) == len(pairs.frames()) > 1
+    for stage in ("detect", "describe"):
+        assert result.milliseconds[stage] == pytest.approx(np.mean([times[stage] for times in stored]))
