@@ -54,9 +54,9 @@ def test_every_reason_for_no_number_is_explained(text):
 def test_definitions_of_different_pair_sets():
     """One title may mean another k."""
     other = replace(golden(), detectors=tuple(replace(m, protocol=m.protocol | {"k": 4}) for m in golden().detectors))
-    text = page(golden(), other)
-    assert "80 % of the pairs have 7 inliers" in text
-    assert "80 % of the pairs have 4 inliers" in text.split('id="glossary"')[1]
+    glossary = page(golden(), other).split('id="glossary"')[1]
+    for k in (4, 7):
+        assert glossary.count(f"80 % of the pairs have {k} inliers") == 1
 
 
 def test_parts_of_a_pair_set(text):
@@ -91,6 +91,7 @@ def test_the_text_suits_one_method():
 
 def test_curves_are_ticked_best_first():
     result = pair_set(NAMES[:4], 6, repeats=1)
+    result = replace(result, detectors=result.detectors[::-1])
     fieldset = page(result).split("<fieldset>")[1].split("</fieldset>")[0]
     assert re.findall(r'data-show="(\d+)">([^<]*)', fieldset) == [("8", "all"), ("0", "none"), ("6", "best 6")]
     names = [unescape(name.strip()) for name in re.findall(r"</svg>([^<]*)</label>", fieldset)]

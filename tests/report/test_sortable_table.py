@@ -46,6 +46,7 @@ def test_the_best_as_it_is_shown():
 
 def test_a_control_is_never_the_best():
     assert best({"a": 0.3, "b": 0.2, "random + RootSIFT": 0.9}) == {"a"}
+    assert best({"a": 0.3, "b": 0.2, "random + RootSIFT": 0.3}) == {"a"}
     (row,) = table_rows(methods("grid"), [])
     assert (row.control, row.tags) == (True, ("control",))
 

@@ -76,7 +76,7 @@ def method(fresh: Fresh, key: str, name: str, table: PairTable, turn: int, proba
     """n_k of each k are different numbers in [1, N_MAX]; a few are failures."""
     n_k = np.stack([np.random.default_rng(10 * turn + k).permutation(N_MAX)[: PAIRS * REPEATS] + 1.0 for k in KS], -1)
     n_k = n_k.reshape(PAIRS, REPEATS, len(KS))
-    n_k[2, : turn + 1] = np.inf  # of one pair in some repeats
+    n_k[2, : 1 + 3 * turn] = np.inf  # of one pair, in one repeat or in all
     rotation_error = fresh.floats(PAIRS, REPEATS, len(KS), scale=3)
     translation_error = fresh.floats(PAIRS, REPEATS, len(KS), scale=2)
     for errors in (rotation_error, translation_error):
