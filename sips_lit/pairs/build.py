@@ -9,7 +9,6 @@ from pathlib import Path
 from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.source import FrameRange
 from sips_lit.pairs.overlap import (
     OverlapIndex,
     OverlapParameters,
@@ -31,7 +30,7 @@ def build_indexes(
     BadInputError when half of the frames of a sequence can't be read or an index can't be written.
     """
     folder = Path(folder)
-    ranges = [range_of(sequence) for sequence in sequences]
+    ranges = [sequence.source_range() for sequence in sequences]
     wholes = {index_path(folder, whole): whole for whole, _, _ in ranges}
     indexes = {path: stored_index(whole, folder, parameters) for path, whole in wholes.items()}
     missing = [path for path, index in indexes.items() if index is None]
@@ -88,11 +87,3 @@ def _readable(sequence: ImageSequence, frame: int) -> bool:
     except BadInputError:
         return False
     return True
-
-
-def range_of(sequence: ImageSequence) -> tuple[ImageSequence, int, int]:
-    """The sequence that frames are a range of, itself if of no other, and from where to where."""
-    start, stop = 0, len(sequence)
-    while isinstance(sequence, FrameRange):
-        start, stop, sequence = start + sequence.start, stop + sequence.start, sequence.whole
-    return sequence, start, stop

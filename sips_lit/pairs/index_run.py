@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.recording import Recording
-from sips_lit.pairs.build import measure, range_of, stored_index
+from sips_lit.pairs.build import measure, stored_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
 from sips_lit.types import ImageSequence
 
@@ -83,7 +83,7 @@ def _index(
 def _up_to_date(
     sequence: ImageSequence, folder: Path, parameters: OverlapParameters, progress: tqdm[NoReturn]
 ) -> OverlapIndex:
-    whole, start, stop = range_of(sequence)
+    whole, start, stop = sequence.source_range()
     index = stored_index(whole, folder, parameters)
     if index is None:
         progress.total = (progress.total or 0) + len(whole)
