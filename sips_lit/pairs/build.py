@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from tqdm import tqdm
-
 from sips_lit.errors import BadInputError
 from sips_lit.pairs.overlap import (
     OverlapIndex,
@@ -17,6 +15,7 @@ from sips_lit.pairs.overlap import (
     measure_overlap,
     save_index,
 )
+from sips_lit.progress import progress
 from sips_lit.types import ImageSequence
 
 
@@ -35,10 +34,10 @@ def build_indexes(
     indexes = {path: stored_index(whole, folder, parameters) for path, whole in wholes.items()}
     missing = [path for path, index in indexes.items() if index is None]
     total = sum(len(wholes[path]) for path in missing)
-    with tqdm(total=total, desc="overlap index", unit="frame", delay=2, disable=not missing) as progress:
+    with progress(desc="overlap index", unit="frame", total=total) as bar:
         pool = ThreadPoolExecutor(max(1, workers))
         try:
-            measured = pool.map(lambda path: measure(wholes[path], folder, parameters, progress.update), missing)
+            measured = pool.map(lambda path: measure(wholes[path], folder, parameters, bar.update), missing)
             indexes |= dict(zip(missing, list(measured), strict=True))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
