@@ -1,11 +1,14 @@
+import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from streams import Clock, Stream
 from tqdm import tqdm
 
+import sips_lit.progress
 from sips_lit.progress import LineClock, ProgressLines, duration, progress, time_left
 
 
@@ -110,6 +113,13 @@ def test_a_terminal_gets_a_bar_that_goes_away(monkeypatch):
     assert err.getvalue().split("\r")[-2].strip() == ""
 
 
+def test_a_bar_of_bytes_that_goes_on(monkeypatch):
+    err = as_stderr(monkeypatch, terminal=True)
+    with progress(desc="kitti.zip", unit="B", total=8e6, initial=2_000_000, delay=0):
+        assert "25%" in err.getvalue()
+        assert "2.00M/8.00M [" in err.getvalue()
+
+
 @pytest.mark.parametrize("terminal", [False, True])
 def test_one_use_whatever_the_stream(monkeypatch, terminal):
     err = as_stderr(monkeypatch, terminal)
@@ -141,6 +151,15 @@ def test_lines_are_due_by_the_clock():
     assert lines.elapsed == 14
 
 
+def test_a_late_line_delays_the_next():
+    clock = Clock()
+    lines, due = LineClock(delay=1, seconds=5, clock=clock), []
+    for wait in (13, 3, 2, 4):
+        clock.now += wait
+        due.append(lines.due())
+    assert due == [True, False, True, False]
+
+
 @pytest.mark.parametrize(
     ("seconds", "text"), [(0.4, "0 s"), (599, "599 s"), (600, "10 min"), (10799, "180 min"), (10800, "3.0 h")]
 )
@@ -156,3 +175,11 @@ def test_time_left():
 def test_it_does_not_load_torch():
     code = "import sys, sips_lit.progress; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_every_bar_of_the_package_is_made_here():
+    package = Path(sips_lit.progress.__file__).parent
+    with_bars = [
+        path.relative_to(package) for path in package.rglob("*.py") if re.search(r"\btqdm\(", path.read_text())
+    ]
+    assert with_bars == [Path("progress.py")]
