@@ -8,13 +8,13 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from sips_lit.baselines.feature_files import SavedFeatures, open_features
 from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import IMAGE_SUFFIXES, read_grey
+from sips_lit.progress import progress
 from sips_lit.types import Features, GreyImage, Keypoints, Norm
 
 
@@ -47,7 +47,7 @@ class PrecomputedDetector(BaseDetector):
                 "named like the images"
             )
         with ThreadPoolExecutor() as pool:
-            keys = tqdm(pool.map(self._key_of, names), f"images of {name}", len(names), leave=False, delay=2)
+            keys = progress(pool.map(self._key_of, names), desc=f"images of {name}", unit="image", total=len(names))
             self.image_of: dict[bytes, PurePosixPath] = {}
             for key, image in zip(keys, names, strict=True):
                 self.image_of.setdefault(key, image)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from tabulate import tabulate
-from tqdm import tqdm
 
 from sips_lit.cli.app import INTERRUPTED, explain, quiet_opencv
 from sips_lit.dataset_tools.check import DataSetReport, SequenceReport, check, remarks
@@ -21,6 +20,7 @@ from sips_lit.dataset_tools.unpack import unpack
 from sips_lit.errors import BadInputError
 from sips_lit.pairs.build import build_indexes, unreadable_frames
 from sips_lit.pairs.overlap import OverlapParameters
+from sips_lit.progress import progress
 from sips_lit.types import ImageSequence
 
 SHOWN = 30  # sequences and remarks that are printed of a data set
@@ -31,8 +31,8 @@ def check_command(args: argparse.Namespace) -> int:
     found = recognise(args.path)
     whole = True
     for dataset in found:
-        with tqdm(desc=f"opening {dataset.path.name}", unit="frame", delay=2, leave=False) as progress:
-            report = check(dataset, progress.update)
+        with progress(desc=f"opening {dataset.path.name}", unit="frame") as bar:
+            report = check(dataset, bar.update)
         print(describe(report) + "\n")
         whole &= report.whole
     if not whole:
@@ -86,7 +86,7 @@ def stats_command(args: argparse.Namespace) -> int:
     sequences = [s for dataset in recognise(args.path) for s in open_sequences(dataset, args.cache)]
     indexes = build_indexes(sequences, args.cache / "indexes", OverlapParameters(), args.workers)
     pairs = zip(sequences, indexes, strict=True)
-    stats = [sequence_stats(s, i) for s, i in tqdm(pairs, total=len(sequences), desc="motion", delay=2, leave=False)]
+    stats = [sequence_stats(s, i) for s, i in progress(pairs, desc="motion", unit="sequence", total=len(sequences))]
     print(stats_table(stats))
     args.output.parent.mkdir(parents=True, exist_ok=True)
     draw_stats(stats).savefig(args.output)

@@ -9,6 +9,7 @@ from typing import Any
 
 import cv2
 import lightning as L
+from lightning.pytorch.callbacks import ProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
@@ -34,9 +35,8 @@ def train(config: DictConfig) -> float:
     ckpt_path = resume_path(config.ckpt_path, config.paths.run, config.paths.outputs)
     if ckpt_path is not None:
         require_same_network(ckpt_path, module.network)
-    callbacks = list(build(config.callbacks).values())
     trainer: L.Trainer = build(
-        config.trainer, callbacks=callbacks, logger=build(config.logger), val_check_interval=interval
+        config.trainer, callbacks=make_callbacks(config), logger=build(config.logger), val_check_interval=interval
     )
     if trainer.is_global_zero:
         print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
@@ -50,6 +50,13 @@ def train(config: DictConfig) -> float:
         if config.compare is not None:
             compare(config, best)
     return auc
+
+
+def make_callbacks(config: DictConfig) -> list[L.Callback]:
+    """The callbacks; no progress with ``trainer.enable_progress_bar=false``, where Lightning refuses one."""
+    callbacks = build(config.callbacks).values()
+    silent = config.trainer.enable_progress_bar is False
+    return [callback for callback in callbacks if not (silent and isinstance(callback, ProgressBar))]
 
 
 def compare(config: DictConfig, checkpoint: Path) -> None:

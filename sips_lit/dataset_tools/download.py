@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import make_folder
+from sips_lit.progress import progress
 
 CATALOGUE = Path(__file__).with_name("catalogue.yaml")
 CHUNK = 1 << 20
@@ -139,11 +139,11 @@ def _go_on(url: str, part: Path, timeout: float) -> bool:
         tag_file.write_text(answer.headers.get("ETag") or answer.headers.get("Last-Modified") or "")
         with (
             part.open("ab" if have else "wb") as out,
-            tqdm(total=total, initial=have, desc=part.stem, unit="B", unit_scale=True, delay=1) as progress,
+            progress(desc=part.stem, unit="B", total=total, initial=have) as bar,
         ):
             while chunk := answer.read(CHUNK):
                 out.write(chunk)
-                progress.update(len(chunk))
+                bar.update(len(chunk))
     whole = total is None or _size(part) == total
     if whole:
         tag_file.unlink(missing_ok=True)

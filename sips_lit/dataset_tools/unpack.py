@@ -10,10 +10,9 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
-from tqdm import tqdm
-
 from sips_lit.errors import BadInputError
 from sips_lit.files import make_folder
+from sips_lit.progress import progress
 
 MAX_RATIO = 200  # images hardly shrink: an archive that grows so much is a bomb
 SPARE_BYTES = 200_000_000  # left free on the disk
@@ -42,7 +41,7 @@ def _unpack_zip(opened: zipfile.ZipFile, archive: Path, target: Path) -> int:
     for member in members:
         _check_member(member.filename, stat.S_ISLNK(member.external_attr >> 16), archive, target)
     _check_size(sum(member.file_size for member in members), archive, target)
-    for member in tqdm(members, desc=f"unpacking {archive.name}", unit="file", delay=2):
+    for member in progress(members, desc=f"unpacking {archive.name}", unit="file"):
         opened.extract(member, target)
     return len(members)
 
@@ -52,7 +51,7 @@ def _unpack_tar(packed: tarfile.TarFile, archive: Path, target: Path) -> int:
     for member in members:
         _check_member(member.name, not member.isfile(), archive, target)
     _check_size(sum(member.size for member in members), archive, target)
-    for member in tqdm(members, desc=f"unpacking {archive.name}", unit="file", delay=2):
+    for member in progress(members, desc=f"unpacking {archive.name}", unit="file"):
         packed.extract(member, target, filter="data")
     return len(members)
 

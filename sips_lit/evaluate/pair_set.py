@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.feature_cache import image_key
@@ -19,6 +18,7 @@ from sips_lit.geometry.point_depth import View, frame_view, views
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.pairs.pair_file import ListedPair
 from sips_lit.pairs.sampler import read_pair
+from sips_lit.progress import progress
 from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Matches
 
 
@@ -98,7 +98,7 @@ class PairSet:
 
         ``left_out`` names the others. Raises BadInputError where none is left.
         """
-        bar = tqdm(range(len(self)), "depth", unit="pair", delay=2, leave=False)
+        bar = progress(range(len(self)), desc="depth", unit="pair")
         complaints = [self._complaint(at) for at in bar]
         if all(complaints):
             raise BadInputError(f"no pair can be verified, as {complaints[0]}")

@@ -15,7 +15,6 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
-from tqdm import tqdm
 
 from sips_lit.detect.sanitise import Defects
 from sips_lit.errors import BadInputError
@@ -28,6 +27,7 @@ from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
+from sips_lit.progress import progress
 
 Frame = tuple[int, int]
 
@@ -45,7 +45,7 @@ def evaluate_pair_set(
     A method that fails on an image is told to ``on_skip`` with the reason, and left out. Raises BadInputError for frames
     that cannot be read, and for pairs that their check cannot verify.
     """
-    for frame in tqdm(pairs.frames(), desc=f"{pairs.title}: images", unit="image", delay=2, leave=False):
+    for frame in progress(pairs.frames(), desc=f"{pairs.title}: images", unit="image"):
         pairs.key_of(frame)  # an unreadable frame is nobody's fault among the methods
     results, skipped = [], {}
     for method in methods:
@@ -69,7 +69,7 @@ def extract_all(
     cache = FeatureCache(cache_folder, method, n)
     return {
         frame: cache(pairs.key_of(frame), partial(pairs.sequences[frame[0]].frame, frame[1]))
-        for frame in tqdm(pairs.frames(), desc=title, unit="image", delay=2, leave=False)
+        for frame in progress(pairs.frames(), desc=title, unit="image")
     }
 
 
@@ -106,7 +106,7 @@ def measure_all(
 def _side_by_side(work: Callable[[Any], Any], items: Sequence[Any], workers: int, title: str, unit: str) -> list[Any]:
     pool = ThreadPoolExecutor(max(1, workers))
     try:
-        return list(tqdm(pool.map(work, items), desc=title, unit=unit, delay=2, leave=False, total=len(items)))
+        return list(progress(pool.map(work, items), desc=title, unit=unit, total=len(items)))
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 

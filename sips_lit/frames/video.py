@@ -15,13 +15,13 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name, write_whole
 from sips_lit.frames.images import resize_max_side
 from sips_lit.frames.recording import Recording, RecordingLoader
 from sips_lit.frames.shots import find_cuts
+from sips_lit.progress import progress
 from sips_lit.types import GreyImage, ImageSequence
 
 VERSION = 1
@@ -179,16 +179,14 @@ def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> tupl
         frames.touch()
         with (
             frames.open("r+b") as handle,
-            tqdm(
-                total=total, initial=done, desc=f"decoding {file.name}", unit="frame", delay=2, leave=None
-            ) as progress,
+            progress(desc=f"decoding {file.name}", unit="frame", total=total, initial=done) as bar,
         ):
             handle.seek(done * height * width)  # a kill may have left part of a frame, which is written over
             for index, image in enumerate(_frames_of(capture, first, parameters, done), start=done):
                 if image.shape != first.shape:
                     raise BadInputError(f"{file} changes its size at frame {index}: split it there")
                 handle.write(image.tobytes())
-                progress.update()
+                bar.update()
                 done = index + 1
             handle.truncate()
     finally:

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 
-from tqdm import tqdm
-
 from sips_lit.detect.budget import Budget
 from sips_lit.inference.streams import FrameStream
 from sips_lit.inference.writers import PointWriter
+from sips_lit.progress import progress
 from sips_lit.types import Detector
 
 
@@ -38,7 +37,7 @@ def detect_stream(
     with ExitStack() as stack:
         for writer in writers:
             stack.callback(writer.close)
-        for frame in tqdm(stream, total=stream.total, unit=" frames", delay=2, leave=False):
+        for frame in progress(stream, desc="detection", unit="frame", total=stream.total):
             keypoints, enough = budget.keep(detector.detect(frame.grey, budget.candidates))
             for writer in writers:
                 writer.write(frame, keypoints)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import make_folder
+from sips_lit.progress import progress
 from sips_lit.render.canvas import Picture, draw_point, probability_colours
 from sips_lit.render.points import RADIUS, draw_points
 from sips_lit.types import Detector, GreyImage, ImageSequence, Keypoints
@@ -44,7 +44,7 @@ def write_score_video(
             f"cannot write a video of {size[0]}x{size[1]} pixels to {path}: give a name that ends in .mp4"
         )
     try:
-        for index in tqdm(range(count), desc=f"video of {sequence.name}", unit="frame", delay=2, leave=False):
+        for index in progress(range(count), desc=f"video of {sequence.name}", unit="frame"):
             picture = first if index == 0 else draw_scores(sequence.frame(index), detector, n)
             if picture.shape != first.shape:
                 raise BadInputError(

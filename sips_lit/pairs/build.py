@@ -6,10 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from tqdm import tqdm
-
 from sips_lit.errors import BadInputError
-from sips_lit.frames.source import FrameRange
 from sips_lit.pairs.overlap import (
     OverlapIndex,
     OverlapParameters,
@@ -18,6 +15,7 @@ from sips_lit.pairs.overlap import (
     measure_overlap,
     save_index,
 )
+from sips_lit.progress import progress
 from sips_lit.types import ImageSequence
 
 
@@ -31,15 +29,15 @@ def build_indexes(
     BadInputError when half of the frames of a sequence can't be read or an index can't be written.
     """
     folder = Path(folder)
-    ranges = [range_of(sequence) for sequence in sequences]
+    ranges = [sequence.source_range() for sequence in sequences]
     wholes = {index_path(folder, whole): whole for whole, _, _ in ranges}
     indexes = {path: stored_index(whole, folder, parameters) for path, whole in wholes.items()}
     missing = [path for path, index in indexes.items() if index is None]
     total = sum(len(wholes[path]) for path in missing)
-    with tqdm(total=total, desc="overlap index", unit="frame", delay=2, disable=not missing) as progress:
+    with progress(desc="overlap index", unit="frame", total=total) as bar:
         pool = ThreadPoolExecutor(max(1, workers))
         try:
-            measured = pool.map(lambda path: measure(wholes[path], folder, parameters, progress.update), missing)
+            measured = pool.map(lambda path: measure(wholes[path], folder, parameters, bar.update), missing)
             indexes |= dict(zip(missing, list(measured), strict=True))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
@@ -88,11 +86,3 @@ def _readable(sequence: ImageSequence, frame: int) -> bool:
     except BadInputError:
         return False
     return True
-
-
-def range_of(sequence: ImageSequence) -> tuple[ImageSequence, int, int]:
-    """The sequence that frames are a range of, itself if of no other, and from where to where."""
-    start, stop = 0, len(sequence)
-    while isinstance(sequence, FrameRange):
-        start, stop, sequence = start + sequence.start, stop + sequence.start, sequence.whole
-    return sequence, start, stop

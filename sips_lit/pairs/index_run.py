@@ -6,16 +6,16 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Never
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.recording import Recording
-from sips_lit.pairs.build import measure, range_of, stored_index
+from sips_lit.pairs.build import measure, stored_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
+from sips_lit.progress import Progress, progress
 from sips_lit.types import ImageSequence
 
 
@@ -51,8 +51,8 @@ def index_recordings(
     interruption another run finds the sequences that were finished.
     """
     with (
-        tqdm(total=len(recordings), desc="recordings", unit="recording", delay=2) as done,
-        tqdm(total=0, desc="frames", unit="frame", delay=2, leave=None) as frames,
+        progress(desc="recordings", unit="recording", total=len(recordings)) as done,
+        progress(desc="frames", unit="frame", total=0) as frames,
     ):
         pool = ThreadPoolExecutor(max(1, workers))
         try:
@@ -65,7 +65,7 @@ def index_recordings(
 
 
 def _index(
-    recording: Recording, folder: Path, parameters: OverlapParameters, overlap: float, progress: tqdm[NoReturn]
+    recording: Recording, folder: Path, parameters: OverlapParameters, overlap: float, frames: Progress[Never]
 ) -> list[IndexedSequence]:
     rows: list[IndexedSequence] = []
     try:
@@ -73,7 +73,7 @@ def _index(
         if not sequences:
             raise BadInputError(f"{recording.where} has no shot of two frames or more")
         for sequence in sequences:
-            index = _up_to_date(sequence, folder, parameters, progress)
+            index = _up_to_date(sequence, folder, parameters, frames)
             rows.append(_summary(recording.where, sequence.name, index, overlap))
     except (BadInputError, OSError, cv2.error) as error:  # what a damaged file may raise
         rows.append(IndexedSequence(recording.where, "", problem=" ".join(str(error).split())))
@@ -81,13 +81,13 @@ def _index(
 
 
 def _up_to_date(
-    sequence: ImageSequence, folder: Path, parameters: OverlapParameters, progress: tqdm[NoReturn]
+    sequence: ImageSequence, folder: Path, parameters: OverlapParameters, frames: Progress[Never]
 ) -> OverlapIndex:
-    whole, start, stop = range_of(sequence)
+    whole, start, stop = sequence.source_range()
     index = stored_index(whole, folder, parameters)
     if index is None:
-        progress.total = (progress.total or 0) + len(whole)
-        index = measure(whole, folder, parameters, progress.update)
+        frames.total = (frames.total or 0) + len(whole)
+        index = measure(whole, folder, parameters, frames.update)
     return index if stop - start == len(whole) else index.part(start, stop)
 
 

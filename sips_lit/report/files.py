@@ -9,10 +9,10 @@ from pathlib import Path
 
 import cv2
 from torch.utils.tensorboard import SummaryWriter
-from tqdm import tqdm
 
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.files import make_folder, safe_name, write_whole
+from sips_lit.progress import progress
 from sips_lit.render.canvas import Picture
 from sips_lit.render.figure import figure_to_array
 from sips_lit.render.styles import detector_styles
@@ -65,7 +65,7 @@ def _with_different_names(result: PairSetResult) -> PairSetResult:
 def _write_figures(folder: Path, results: Sequence[PairSetResult], styles: Styles, writer: SummaryWriter) -> list[Path]:
     """``<set>_<figure>.png`` and ``.svg``, and ``benchmark/<set>/<figure>`` in TensorBoard."""
     written = []
-    for result in tqdm(results, desc="figures", unit="pair set", delay=2, leave=False):
+    for result in progress(results, desc="figures", unit="pair set"):
         for chart in charts(result, styles):
             make_folder(folder)
             stem = folder / f"{safe_name(result.key)}_{chart.key}"

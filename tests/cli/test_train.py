@@ -9,13 +9,14 @@ import pytest
 import torch
 from cli_runs import TINY, write_frames
 from hydra import compose, initialize_config_dir
+from lightning.pytorch.callbacks import ProgressBar
 from omegaconf import DictConfig, open_dict
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from textured_scenes import flight, texture
 
 from sips_lit.callbacks.guard import GracefulStop
 from sips_lit.cli.app import CONF_DIR, register_resolvers
-from sips_lit.cli.train import resume_path, train
+from sips_lit.cli.train import make_callbacks, resume_path, train
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError, TrainingInterrupted
 
@@ -291,3 +292,11 @@ def test_a_killed_loading_worker_ends_the_run(tmp_path, frames):
             tmp_path / "run", frames, "trainer.max_steps=500", "datamodule.loading_workers=2", kill=target(KillWorker)
         )
     assert "loading worker was killed" in explain(caught.value)
+
+
+@pytest.mark.parametrize(("enabled", "count"), [("null", 1), ("true", 1), ("false", 0)])
+def test_one_progress_display_or_none(tmp_path, frames, enabled, count):
+    callbacks = make_callbacks(config_of(tmp_path / "run", frames, f"trainer.enable_progress_bar={enabled}"))
+    displays = [callback for callback in callbacks if isinstance(callback, ProgressBar)]
+    assert [display.seconds for display in displays] == [10] * count
+    assert len(callbacks) > 5

@@ -17,10 +17,13 @@ def given(frames, *more: str) -> list[str]:
     return [*TINY, "data=folder", f"data.path={frames}", *more]
 
 
-def read_until(child: Process, text: str, seconds: float = 60) -> str:
-    """Output of a process up to the first occurrence of a text."""
+LINE_A_STEP = "callbacks.progress.seconds=0"
+
+
+def read_until(child: Process, text: str, times: int = 1, seconds: float = 60) -> str:
+    """Output of a process up to an occurrence of a text, the first or a later one."""
     end = time.monotonic() + seconds
-    while text not in (seen := child.log.read_text()):
+    while (seen := child.log.read_text()).count(text) < times:
         assert time.monotonic() < end, seen
         assert child.poll() is None, seen
         time.sleep(0.02)
@@ -36,8 +39,8 @@ def ended(child: Process, seconds: float = 30) -> tuple[int, str]:
 def test_ctrl_c_saves_and_another_run_goes_on(process, command, frames, folders):
     run = f"hydra.run.dir={folders}/outputs/run"
     steps = "trainer.max_steps=5000", "trainer.val_check_interval=5000", "datamodule.loading_workers=1"
-    child = process("train", *given(frames, *steps, run))
-    read_until(child, "4/5000")
+    child = process("train", *given(frames, *steps, run, LINE_A_STEP))
+    read_until(child, "step 4/5000,")
     os.killpg(child.pid, signal.SIGINT)  # as a terminal does: to the workers, too
     code, out = ended(child)
     assert code == 130, out
@@ -59,8 +62,8 @@ def test_ctrl_c_saves_and_another_run_goes_on(process, command, frames, folders)
 def test_a_second_ctrl_c_stops_at_once(process, frames, folders):
     # one step takes long here: the first signal would wait for it
     slow = "trainer.max_steps=5000", "trainer.val_check_interval=5000", "trainer.accumulate_grad_batches=100000"
-    child = process("train", *given(frames, *slow, f"hydra.run.dir={folders}/run"))
-    read_until(child, "4/5000")
+    child = process("train", *given(frames, *slow, f"hydra.run.dir={folders}/run", LINE_A_STEP))
+    read_until(child, "step 0/5000,", times=4)
     os.killpg(child.pid, signal.SIGINT)
     read_until(child, "stopping after this step")
     os.killpg(child.pid, signal.SIGINT)

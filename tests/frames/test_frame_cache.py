@@ -31,7 +31,7 @@ def test_everything_is_passed_on():
     np.testing.assert_array_equal(sequence.camera(1).matrix, wall.camera(1).matrix)
 
 
-def test_what_is_not_there_is_remembered_too():
+def test_what_is_not_there_is_cached_too():
     wall = Wall(3, depth=False)
     sequence = CachedSequence(wall, FrameCache())
     assert sequence.depth(0) is None
@@ -39,8 +39,8 @@ def test_what_is_not_there_is_remembered_too():
     assert sequence.depth(0) is None
 
 
-def test_the_limit_is_kept_and_the_oldest_forgotten():
-    memory = FrameCache(limit=250)
+def test_the_oldest_is_dropped_beyond_the_limit():
+    cache = FrameCache(limit=250)
     read = []
 
     def get(key):
@@ -48,8 +48,8 @@ def test_the_limit_is_kept_and_the_oldest_forgotten():
             read.append(key)
             return np.full(100, key, np.uint8)
 
-        assert memory.get(key, load)[0] == key
-        assert memory.held <= 250
+        assert cache.get(key, load)[0] == key
+        assert cache.held <= 250
 
     for key in (1, 2, 1, 3, 1, 2):
         get(key)
@@ -57,6 +57,6 @@ def test_the_limit_is_kept_and_the_oldest_forgotten():
 
 
 def test_sequences_do_not_mix():
-    memory = FrameCache()
-    one, two = (CachedSequence(Wall(2, seed=seed), memory) for seed in (0, 1))
+    cache = FrameCache()
+    one, two = (CachedSequence(Wall(2, seed=seed), cache) for seed in (0, 1))
     assert (one.frame(0) != two.frame(0)).any()

@@ -3,7 +3,7 @@ import pytest
 from textured_scenes import ArraySequence, film
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.source import FrameRange, frame_ranges
+from sips_lit.frames.views import FrameRange, frame_ranges
 from sips_lit.pairs.build import build_indexes, require_readable, unreadable_frames
 from sips_lit.pairs.overlap import OverlapParameters, index_path, load_index, measure_overlap
 
