@@ -25,6 +25,7 @@ from sips_lit.report.summary import (
 OWN_N: Final = "own n only"
 """Tag of methods whose points have no order."""
 Number = Callable[[MethodResult], float]
+_STAGES: Final = ("detect", "describe", "depth", "match", "verify", "metrics")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,8 @@ def columns_of(methods: Sequence[MethodResult]) -> list[Column]:
     if not methods:
         return []
     first = methods[0]
-    stages = dict.fromkeys(stage for method in methods for stage in method.milliseconds)
+    timed = {stage for method in methods for stage in method.milliseconds}
+    stages = sorted(timed, key=lambda stage: (_STAGES.index(stage) if stage in _STAGES else len(_STAGES), stage))
     budgets = sorted({n for method in methods for n in method.calibration})
     n = main_budget(first)
     columns = _succinctness(main_k(first), first.n_max)
