@@ -134,7 +134,7 @@ class Keypoints:
 
     ``xy`` (N, 2) float32 pixels; ``score`` (N,) float32, descending (for SIPs the probability of being an inlier);
     ``scale`` (N,) float32, the size of the point relative to the finest scale (1 = full resolution); ``depth`` (N,) float64
-    along the optical axis in metres, NaN where unknown, or None where nobody has measured it.
+    along the optical axis in metres, NaN where unknown, or None where it was not measured.
     """
 
     xy: NDArray[np.float32]

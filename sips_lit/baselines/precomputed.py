@@ -89,7 +89,7 @@ class PrecomputedDetector(BaseDetector):
         count = len(saved.xy)
         if saved.score is None and count > n:
             raise BadInputError(
-                f"the features of {name} are {count} points without scores, of which nobody knows the {n} best: ask for "
+                f"the features of {name} are {count} points without scores, so the {n} best are not known: ask for "
                 f"all (n_max={count}), or save at most {n}"
             )
         score = 1 / np.arange(1, count + 1) if saved.score is None else saved.score

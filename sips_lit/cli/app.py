@@ -65,7 +65,7 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
 
 def quiet_opencv() -> None:
-    """Damaged images are told in sentences of our own; OpenCV's lines about its decoders would only hide these."""
+    """Silences OpenCV's lines about its decoders: our own messages say which image is damaged."""
     import cv2
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)

@@ -74,7 +74,7 @@ def parse_entries(detectors: Any) -> list[Entry]:
 def make_methods(config: DictConfig, on_skip: Callable[[str, str], None]) -> list[Method]:
     """Each of ``detectors`` with its own descriptor, if it has one, and with the common one, if there is one.
 
-    A detector that can't be made (a missing package, weight or checkpoint) is told to ``on_skip`` with the reason. Raises
+    A detector that can't be made (a missing package, weight or checkpoint) is passed to ``on_skip`` with the reason. Raises
     BadInputError as `parse_entries` does.
     """
     entries = parse_entries(config.detectors)

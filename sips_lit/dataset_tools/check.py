@@ -65,7 +65,7 @@ class DataSetReport:
 
 
 def check(dataset: DataSet, advance: Callable[[int], object] = lambda frames: None) -> DataSetReport:
-    """Opens every file of a data set; ``advance`` is told of each frame."""
+    """Opens every file of a data set; ``advance`` is called for each frame."""
     report = DataSetReport(dataset, links=links_out(dataset.path), bytes=size_on_disk(dataset.path))
     try:
         if dataset.spec.videos:
@@ -102,7 +102,7 @@ def switch_problems(dataset: DataSet) -> list[str]:
             try:
                 dataset.sequences(part)
             except BadInputError:
-                break  # that is told already
+                break  # that is reported already
             try:
                 dataset.sequences(part, **{switch: True})
             except BadInputError as error:

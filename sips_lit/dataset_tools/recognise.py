@@ -22,8 +22,8 @@ DEPTH = 3  # levels of folders that are looked into
 class DataSet:
     """A data set at ``path``, as its ``spec`` describes it; ``sign`` is what it was recognised by.
 
-    ``options`` are what its loader must be told, such as the camera that is there; ``parts``: the folders of its sequences,
-    if it has several.
+    ``options`` are arguments that its loader needs, such as the camera that is there; ``parts``: the folders of its
+    sequences, if it has several.
     """
 
     spec: DatasetSpec

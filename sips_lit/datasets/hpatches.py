@@ -53,7 +53,7 @@ class HPatchesSequence(ImageSequence):
 
     ``max_side``: images whose longer side exceeds it (pixels) are shrunk; ``synthetic_scales``: for each factor a copy of
     every image, relative to that. Homographies follow exactly. What is resized is kept in ``cache_dir``, if given.
-    Raises BadInputError for a missing file, and a homography that can't be one; an image that is damaged is told when it is
+    Raises BadInputError for a missing file, and a homography that can't be one; a damaged image is reported when it is
     asked for.
     """
 

@@ -66,7 +66,9 @@ class MonoSequence(ImageSequence):
         if self._lens is not None and photometric:
             files += [expect(folder / name, LAYOUT) for name in ("pcalib.txt", "vignette.png")]
             self._response, self._vignette = read_inverse_response(files[-2]), files[-1]
-            read_vignette(self._vignette, self._lens.size)  # a bad one is told now; its table is made when it is needed
+            read_vignette(
+                self._vignette, self._lens.size
+            )  # a bad one is refused now; its table is made when it is needed
         options = (photometric, geometric, max_side)
         self.fingerprint = files_fingerprint(files, "tum_mono 1", self._images.fingerprint, *options)
         self._kept = image_cache(cache_dir if photometric or geometric else None, self.name, self.fingerprint)
@@ -165,7 +167,7 @@ def _images(folder: Path) -> FolderSequence | ZipSequence:
 
 
 def _sequence_folders(path: Path) -> dict[str, Path]:
-    """The sequences by the name of their folder; half of one is taken for one, so that what lacks is told."""
+    """The sequences by the name of their folder; half of one counts as one, so that the error names what is missing."""
     parts = ("images.zip", "images", "camera.txt", "times.txt")
     if any((path / part).exists() for part in parts):
         return {path.resolve().name: path.resolve()}

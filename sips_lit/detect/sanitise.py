@@ -1,4 +1,4 @@
-"""What any detector may return, made legal, and every change counted: nothing is mended in silence."""
+"""Makes legal whatever a detector returns, and counts every change."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 What is odd is defined here, once:
 
 - Fewer points than a budget: all there are. No points, or fewer than k inliers at every budget: n_k is infinite.
-- A pose error is NaN where nobody knows the true pose, or neither depth maps nor stereo partners exist. It is infinite
+- A pose error is NaN where the true pose is not known, or neither depth maps nor stereo partners exist. It is infinite
   where there is no n_k, where fewer than four matches have a depth, where P3P with RANSAC finds nothing, and, at a budget,
   where the pose has fewer than ``pose_inliers`` inliers.
 - Points without scores have no order: n_k is their number if all of them give k inliers, else infinite, and budgets

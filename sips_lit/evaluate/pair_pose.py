@@ -18,7 +18,7 @@ class PoseOutcome(IntEnum):
 
     FOUND = 0
     UNKNOWN = 1
-    """Not estimated: nobody knows the true pose, or nothing tells the depth of any point."""
+    """Not estimated: the true pose is not known, or the depth of no point is."""
     FEW_MATCHES = 2
     """Fewer than the four matches with a depth that P3P with RANSAC takes."""
     NO_AGREEMENT = 3

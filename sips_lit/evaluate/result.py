@@ -1,7 +1,7 @@
 """What a benchmark measured of one detector on one pair set, as plain arrays: metrics, tables and pictures start here.
 
 P pairs, R repeats of a verification that is random (1 otherwise), K values of k, B budgets of points. A failure is infinite;
-what does not apply (pose errors where nobody knows the pose) is NaN.
+what does not apply (pose errors where the pose is not known) is NaN.
 """
 
 from __future__ import annotations

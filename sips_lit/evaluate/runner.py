@@ -42,11 +42,11 @@ def evaluate_pair_set(
 ) -> PairSetResult:
     """Measures each method on all pairs, by ``workers`` threads; features are kept in ``cache_folder``, if there is one.
 
-    A method that fails on an image is told to ``on_skip`` with the reason, and left out. Raises BadInputError for frames
+    A method that fails on an image is left out; ``on_skip`` gets its key and the reason. Raises BadInputError for frames
     that cannot be read, and for pairs that their check cannot verify.
     """
     for frame in progress(pairs.frames(), desc=f"{pairs.title}: images", unit="image"):
-        pairs.key_of(frame)  # an unreadable frame is nobody's fault among the methods
+        pairs.key_of(frame)  # an unreadable frame is no fault of a method
     results, skipped = [], {}
     for method in methods:
         label = f"{pairs.title}, {method.name}"

@@ -23,7 +23,7 @@ class ImageCache:
         self.folder = folder
 
     def __call__(self, name: str, make: Callable[[], GreyImage]) -> GreyImage:
-        """The image ``name`` (H, W), made and kept if it is not there; a damaged one is made anew.
+        """The image ``name`` (H, W), made and kept if it is not there; a damaged one is made again.
 
         Raises BadInputError when it can't be written, and whatever ``make`` raises.
         """

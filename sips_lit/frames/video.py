@@ -245,4 +245,4 @@ def _open_frames(path: Path, shape: tuple[int, int, int]) -> NDArray[np.uint8]:
 
 
 def _lost_cache(path: Path) -> BadInputError:
-    return BadInputError(f"the frame cache {path} is gone or damaged: run again to decode the video anew")
+    return BadInputError(f"the frame cache {path} is gone or damaged: run again to decode the video once more")

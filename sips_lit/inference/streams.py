@@ -25,7 +25,7 @@ DEFAULT_FPS: Final = 25.0
 class Frame:
     """One image: ``name`` is what its output files are called, ``grey`` (H, W) is what detectors see.
 
-    ``picture`` is what people see: RGB (H, W, 3), or the grey image where nobody asked for colour.
+    ``picture`` is what people see: RGB (H, W, 3), or the grey image unless colour was asked for.
     """
 
     name: str

@@ -34,7 +34,7 @@ def binary_search(count: Callable[[int], int], k: int, n_max: int) -> int | None
     It takes inliers to grow with n, which is false in general: a new point can break a match. So it finds *an* n with k
     inliers whose predecessor n - 1 lacked them, not always the smallest, and gives None whenever ``n_max`` itself lacks
     them. It halves [0, n_max] whatever k is, so that searches for different k ask for the same budgets. For verification
-    that must be run anew for each set of matches (RANSAC).
+    that must be run for each set of matches (RANSAC).
     """
     if k > n_max or count(n_max) < k:
         return None

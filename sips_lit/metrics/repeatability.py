@@ -8,7 +8,7 @@ regions, in HPatches (Balntas et al., CVPR 2017) and SuperPoint (DeTone et al., 
 
 N0 are the points of image 0 that image 1 sees, N1 those of image 1 that image 0 sees. Two points may correspond if each,
 moved to the other image by the true geometry, is within ``threshold`` pixels of the other. They are paired one to one:
-mutual nearest points first, then those among the rest, and so on, so nobody is counted twice. (SuperPoint counts every
+mutual nearest points first, then those among the rest, and so on, so no point is counted twice. (SuperPoint counts every
 point that has some point near it, which many points in one place inflate.) A match is correct if its points are that near.
 """
 

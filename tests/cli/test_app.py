@@ -148,6 +148,7 @@ def test_a_defect_keeps_its_traceback(folders, monkeypatch, capsys):
         raise ZeroDivisionError("a defect")
 
     monkeypatch.setattr("sys.argv", ["sips-index", "data=folder", "data.path=x", f"hydra.run.dir={folders}"])
+    monkeypatch.setattr("sys.gettrace", lambda: None)  # Hydra takes the tracing of coverage for a debugger
     with pytest.raises(SystemExit) as stop:
         run("index", task)
     assert stop.value.code == 1

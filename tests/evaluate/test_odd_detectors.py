@@ -192,7 +192,7 @@ def test_more_points_without_scores_than_can_be_asked_for(saved, tmp_path):
     told = {}
     few = Measures(k=5, ks=(), n_max=10, n=10, calibration=())
     run_methods([method(saved, RootSift(), "lfnet")], pairs_of(), few, tmp_path, on_skip=told.__setitem__)
-    assert "20 points without scores, of which nobody knows the 10 best" in told["lfnet"]
+    assert "20 points without scores, so the 10 best are not known" in told["lfnet"]
 
 
 def test_pairs_that_nobody_can_judge_are_left_out_and_named():
