@@ -59,6 +59,7 @@ def command(folders, monkeypatch, capsys) -> Command:
     handlers, level = root.handlers[:], root.level
     monkeypatch.setenv("HYDRA_FULL_ERROR", "")
     monkeypatch.delenv("HYDRA_FULL_ERROR")
+    monkeypatch.setattr(sys, "gettrace", lambda: None)  # Hydra takes the tracing of coverage for a debugger
 
     def run(name: str, *arguments: str) -> Result:
         main = importlib.import_module(f"sips_lit.cli.{name}").main
