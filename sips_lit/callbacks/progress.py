@@ -23,20 +23,26 @@ def training_progress(seconds: float = SECONDS) -> ProgressBar:
 
 
 class TrainingBar(TQDMProgressBar):
-    """Lightning's bar for a run that is one stream of pairs: without epochs, and with totals from the start."""
-
-    @property
-    def total_train_batches(self) -> float:
-        """Pairs of the whole run: a resumed one counts them from the start."""
-        return self.trainer.num_training_batches
+    """Lightning's bar for a run that is counted in steps: without epochs, and with totals from the start."""
 
     def init_train_tqdm(self) -> Tqdm:
-        """The bar of training pairs."""
-        return self._bar("training", self.total_train_batches)
+        """The bar of training steps; a resumed run goes on from its step, at its own pace."""
+        return self._bar("training", "step", self.trainer.max_steps, initial=self.trainer.global_step)
 
     def init_validation_tqdm(self) -> Tqdm:
         """The bar of the pairs of one validation."""
-        return self._bar("validation", _validation_pairs(self.trainer), position=1)
+        return self._bar("validation", "pair", _validation_pairs(self.trainer), position=1)
+
+    def init_sanity_tqdm(self) -> Tqdm:
+        """The bar of the validation before a run, where one is asked for."""
+        return self._bar("sanity check", "pair", self.trainer.num_sanity_val_steps)  # its data is not loaded yet
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        """Counts by the trainer's step: ``batch_idx`` counts pairs, and begins anew in some resumed runs."""
+        self.train_progress_bar.n = trainer.global_step
+        self.train_progress_bar.set_postfix(self.get_metrics(trainer, pl_module))
 
     def on_train_epoch_start(self, trainer: L.Trainer, *_: Any) -> None:
         """Nothing: a run has no epochs."""
@@ -54,10 +60,10 @@ class TrainingBar(TQDMProgressBar):
         """What modules and callbacks log for the bar."""
         return _metrics(trainer)
 
-    def _bar(self, desc: str, total: float, position: int = 0) -> Tqdm:
+    def _bar(self, desc: str, unit: str, total: float, position: int = 0, initial: int = 0) -> Tqdm:
         return Tqdm(
-            desc=desc, total=total, unit=" pairs", position=position, disable=self.is_disabled, leave=False,
-            dynamic_ncols=True, smoothing=0, file=sys.stderr, bar_format=self.BAR_FORMAT,
+            desc=desc, total=total, unit=f" {unit}s", initial=initial, position=position, disable=self.is_disabled,
+            leave=False, dynamic_ncols=True, smoothing=0, file=sys.stderr, bar_format=self.BAR_FORMAT,
         )  # fmt: skip
 
 
@@ -118,4 +124,4 @@ def _metrics(trainer: L.Trainer) -> dict[str, float]:
 
 
 def _validation_pairs(trainer: L.Trainer) -> float:
-    return sum(trainer.num_val_batches)
+    return sum(trainer.num_sanity_val_batches if trainer.sanity_checking else trainer.num_val_batches)

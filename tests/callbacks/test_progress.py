@@ -30,13 +30,15 @@ class Module(L.LightningModule):
         return torch.optim.SGD(self.parameters(), 0.1)
 
 
-def run(progress, folder, clock=None, steps=20, pairs_a_step=1, validate=100, ckpt_path=None, more=()) -> L.Trainer:
+def run(
+    progress, folder, clock=None, steps=20, pairs_a_step=1, validate=100, ckpt_path=None, more=(), sanity=0
+) -> L.Trainer:
     """A run with validations of four pairs; ``progress`` is the display, ``more`` are other callbacks."""
     pairs, val_pairs = (torch.utils.data.DataLoader(torch.ones(n, 1)) for n in (steps * pairs_a_step, 4))
     trainer = L.Trainer(
         max_steps=steps, accumulate_grad_batches=pairs_a_step, val_check_interval=validate, check_val_every_n_epoch=None,
         callbacks=[progress, *more], accelerator="cpu", logger=False, enable_checkpointing=False,
-        enable_model_summary=False, num_sanity_val_steps=0, default_root_dir=folder,
+        enable_model_summary=False, num_sanity_val_steps=sanity, default_root_dir=folder,
     )  # fmt: skip
     trainer.fit(Module(clock or Clock()), pairs, val_pairs, ckpt_path=ckpt_path)
     return trainer
@@ -97,7 +99,12 @@ def test_steps_of_several_pairs(monkeypatch, tmp_path):
 def test_other_processes_say_nothing(monkeypatch):
     err, lines = as_stderr(monkeypatch, terminal=False), TrainingLines(0, Clock())
     trainer = SimpleNamespace(
-        is_global_zero=False, global_step=0, max_steps=5, progress_bar_metrics={}, num_val_batches=[3]
+        is_global_zero=False,
+        global_step=0,
+        max_steps=5,
+        progress_bar_metrics={},
+        num_val_batches=[3],
+        sanity_checking=False,
     )
     lines.setup(trainer, None, "fit")
     lines.on_train_start(trainer, None)
@@ -120,6 +127,44 @@ def test_a_terminal_gets_a_bar(monkeypatch, tmp_path):
         assert text in shown
     for text in ("0/?", "-2", "Epoch", "DataLoader", "v_num"):
         assert text not in shown
+
+
+@pytest.mark.parametrize("saved_after", [4, 6])
+def test_a_bar_goes_on_at_the_step_and_pace_of_the_resumed_run(monkeypatch, tmp_path, saved_after):
+    """Saved amid the pairs of a run or after the last: Lightning then counts pairs from where it was, or from 0."""
+
+    class Save(L.Callback):
+        def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx):
+            if trainer.global_step == saved_after:
+                trainer.save_checkpoint(tmp_path / "last.ckpt")
+
+    run(TrainingLines(), tmp_path, steps=6, more=[Save()])
+    err, clock = as_stderr(monkeypatch, terminal=True), Clock()
+    monkeypatch.setattr("tqdm.std.time", clock)
+    run(TrainingBar(), tmp_path, clock, steps=10, ckpt_path=tmp_path / "last.ckpt")
+    shown = [part for part in err.getvalue().split("\r") if part.startswith("training:")]
+    assert f" {saved_after}/10 [" in shown[0]
+    after_one = [part for part in shown if f" {saved_after + 1}/10 [" in part]
+    seconds = 2 * (10 - saved_after - 1)
+    assert f"[00:02<00:{seconds:02d},  0.50 steps/s, loss=" in after_one[-1]
+    assert " 10/10 [" in shown[-1]
+
+
+def test_a_bar_counts_steps_of_several_pairs(monkeypatch, tmp_path):
+    err = as_stderr(monkeypatch, terminal=True)
+    run(TrainingBar(), tmp_path, steps=2, pairs_a_step=3)
+    assert " 0/2 [" in err.getvalue()
+    assert " 2/2 [" in err.getvalue()
+    assert "3/" not in err.getvalue()
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_validation_before_the_run_has_its_own_number_of_pairs(monkeypatch, tmp_path, terminal):
+    err, clock = as_stderr(monkeypatch, terminal), Clock()
+    display = TrainingBar() if terminal else TrainingLines(clock=clock)
+    run(display, tmp_path, clock, steps=1, sanity=2)
+    assert ("2/2 [" if terminal else "validation: 1/2 pairs (50 %), 3 s left") in err.getvalue()
+    assert "0/?" not in err.getvalue()
 
 
 def test_an_error_has_a_line_of_its_own(monkeypatch, tmp_path):
