@@ -1,4 +1,8 @@
-"""Errors that are the user's to mend: the commands print them as one sentence and exit with 1."""
+"""Errors that are the user's to mend: the commands print them as one sentence and exit with 1. And warnings alike."""
+
+from __future__ import annotations
+
+import warnings
 
 
 class BadInputError(ValueError):
@@ -7,3 +11,12 @@ class BadInputError(ValueError):
 
 class TrainingInterrupted(Exception):  # noqa: N818 - not an error: the user asked for it
     """Training stopped on request; the message says where it was saved."""
+
+
+class InputWarning(UserWarning):
+    """Something given is usable, but not all of it, or not in the way that one may expect."""
+
+
+def warn_input(message: str) -> None:
+    """Warns of an input; the commands print it once, as one sentence."""
+    warnings.warn(message, InputWarning, stacklevel=3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
 import uuid
@@ -34,6 +35,16 @@ def write_whole(path: Path, content: bytes) -> None:
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise BadInputError(f"cannot write {path} ({error.strerror}): free some space, or write elsewhere") from error
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, or of the kind that its byte order mark tells, as Windows writes it.
+
+    Raises OSError, and UnicodeDecodeError for what is no text.
+    """
+    data = path.read_bytes()
+    marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return data.decode("utf-16" if marked else "utf-8-sig")
 
 
 def safe_name(name: str) -> str:

@@ -38,12 +38,14 @@ class ImageSequence(ABC):
     ``temporal`` is False where the order means nothing: every pair then stands for itself, and sizes may differ.
 
     ``name`` is unique within a run and safe as a file name. ``fingerprint`` changes whenever the frames change; caches
-    and indexes are keyed by it. Everything beyond ``frame`` is optional and is None where the data set lacks it.
+    and indexes are keyed by it. ``damage`` says what is missing of the file that the frames come from, None for nothing.
+    Everything beyond ``frame`` is optional and is None where the data set lacks it.
     """
 
     name: str
     fingerprint: str
     temporal: bool = True
+    damage: str | None = None
 
     @abstractmethod
     def __len__(self) -> int: ...

@@ -31,3 +31,9 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("no real sequences in ../shared/data beside the repository")
     return folder
+
+
+@pytest.fixture(scope="session")
+def shared_cases(shared_data: Path) -> Path:
+    """Folder of small awkward inputs, for tests marked ``shared_data``."""
+    return shared_data.parent / "cases"

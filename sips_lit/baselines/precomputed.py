@@ -13,7 +13,8 @@ from sips_lit.baselines.feature_files import SavedFeatures, open_features
 from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import IMAGE_SUFFIXES, read_grey
+from sips_lit.frames.images import read_grey
+from sips_lit.frames.listing import IMAGE_SUFFIXES
 from sips_lit.progress import progress
 from sips_lit.types import Features, GreyImage, Keypoints, Norm
 

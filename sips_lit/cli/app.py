@@ -18,7 +18,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationToMissingValueError, MissingMandatoryValue
 
-from sips_lit.errors import BadInputError, TrainingInterrupted
+from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 
 PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
@@ -35,6 +35,7 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     fails does not stop the others.
     """
     warnings.filterwarnings("ignore", module="lightning")
+    plain_warnings()
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     register_resolvers()
 
@@ -62,6 +63,21 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
     command.__module__, command.__qualname__ = __name__, config_name
     hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+
+
+def plain_warnings() -> None:
+    """Prints each warning about the input once, as a sentence without the line of code that it comes from."""
+    default = warnings.formatwarning
+
+    def sentence(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> str:
+        return (
+            f"warning: {message}\n"
+            if issubclass(category, InputWarning)
+            else default(message, category, *where, **more)
+        )
+
+    warnings.formatwarning = sentence
+    warnings.simplefilter("once", InputWarning)
 
 
 def quiet_opencv() -> None:

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from sips_lit.dataset_tools.recognise import DataSet
 from sips_lit.datasets.spec import Part
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
+from sips_lit.frames.video_file import VideoFile
 from sips_lit.types import ImageSequence
 
 STILL_METRES = 0.05  # a camera whose whole path is shorter stands still
@@ -165,21 +165,17 @@ def path_of(sequence: ImageSequence) -> tuple[float | None, float | None]:
 def check_video(file: Path, advance: Callable[[int], object] = lambda frames: None) -> SequenceReport:
     """Decodes a whole video, keeping nothing."""
     report = SequenceReport(safe_name(file.stem))
-    capture = cv2.VideoCapture(str(file))
-    promised = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-    while capture.grab():
-        report.frames += 1
-        advance(1)
-        if report.frames == 1:
-            size = int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
-    report.rate = capture.get(cv2.CAP_PROP_FPS) or None
-    capture.release()
-    if report.frames:
-        report.sizes[size] = report.frames
-    else:
-        report.unreadable.append(f"{file} has no frame that OpenCV can decode: convert it, or download it again")
-    if report.frames and promised - report.frames > max(2, 0.01 * promised):
-        report.unreadable.append(f"{file} promises {promised} frames but ends after {report.frames}: it is cut short")
+    try:
+        video = VideoFile(file)
+        for frame in video:
+            report.sizes[frame.size] += 1
+            report.frames += 1
+            advance(1)
+    except BadInputError as error:
+        report.unreadable.append(str(error))
+        return report
+    report.rate = video.fps
+    report.unreadable += [video.damage] if video.damage else []
     return report
 
 

@@ -11,7 +11,7 @@ from sips_lit.datasets.layout import describe_place
 from sips_lit.datasets.registry import find_specs
 from sips_lit.datasets.spec import DatasetSpec
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import list_folders
+from sips_lit.frames.listing import list_folders
 from sips_lit.types import ImageSequence
 
 ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".7z", ".bag")

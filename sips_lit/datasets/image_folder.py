@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sips_lit.datasets.spec import DatasetSpec
 from sips_lit.frames.folder import folder
-from sips_lit.frames.images import list_images
+from sips_lit.frames.listing import list_images
 
 
 def count_images(path: Path) -> str | None:

@@ -23,7 +23,8 @@ from sips_lit.datasets.split_lists import split_names
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
-from sips_lit.frames.images import check_max_side, list_images, shrunk_size
+from sips_lit.frames.images import check_max_side, shrunk_size
+from sips_lit.frames.listing import list_images
 from sips_lit.geometry.resize import resize_camera
 from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
 

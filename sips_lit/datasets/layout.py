@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
+from sips_lit.files import read_text
 
 SHOWN = 6  # entries of a folder that an error lists
 
@@ -62,7 +63,7 @@ def read_rows(path: Path, delimiter: str | None = None) -> list[tuple[int, list[
     ``delimiter``: None for white space. Raises BadInputError when the file can't be read or is no text.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_text(path).splitlines()
     except OSError as error:
         raise BadInputError(f"cannot read {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:

@@ -12,7 +12,7 @@ from sips_lit.datasets.layout import expect, files_fingerprint, read_pose_rows, 
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
 from sips_lit.frames.folder import FolderSequence
-from sips_lit.frames.images import list_images
+from sips_lit.frames.listing import list_images
 from sips_lit.types import Camera, FloatArray, ImageSequence
 
 LAYOUT = (

@@ -16,7 +16,8 @@ from sips_lit.datasets.rgbd_sequence import RgbdFrames, RgbdSequence
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.datasets.tum_rgbd import read_tum
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import check_max_side, list_folders, list_images
+from sips_lit.frames.images import check_max_side
+from sips_lit.frames.listing import list_folders, list_images
 from sips_lit.types import Camera, ImageSequence
 
 LAYOUT = (

@@ -19,7 +19,8 @@ from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.datasets.split_lists import only_split
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.frames.images import check_max_side, list_folders, read_stored, resize_max_side
+from sips_lit.frames.images import check_max_side, read_stored, resize_max_side
+from sips_lit.frames.listing import list_folders
 from sips_lit.types import GreyImage, ImageSequence
 
 # the pattern begins with the pixels of the first row; OpenCV's older names begin elsewhere

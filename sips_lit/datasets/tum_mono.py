@@ -21,7 +21,8 @@ from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
 from sips_lit.frames.image_cache import image_cache
-from sips_lit.frames.images import check_max_side, list_folders, list_images, resize_max_side, shrunk_size
+from sips_lit.frames.images import check_max_side, resize_max_side, shrunk_size
+from sips_lit.frames.listing import list_folders, list_images
 from sips_lit.frames.zip_images import ZipSequence
 from sips_lit.geometry.fov_camera import FovCamera, Rectification
 from sips_lit.geometry.resize import resize_camera

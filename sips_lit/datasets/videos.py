@@ -6,7 +6,8 @@ from pathlib import Path
 
 from sips_lit.datasets.spec import DatasetSpec
 from sips_lit.errors import BadInputError
-from sips_lit.frames.video import VIDEO_SUFFIXES, find_videos, video
+from sips_lit.frames.listing import VIDEO_SUFFIXES
+from sips_lit.frames.video import find_videos, video
 
 
 def count_videos(path: Path) -> str | None:

@@ -25,7 +25,8 @@ from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Mat
 class PairSet:
     """Pairs with the check of each, named ``key`` in files and ``title`` in tables; ``chosen`` says how they were chosen.
 
-    What is read stays in ``cache`` (of its own, if None is given). Raises BadInputError where there are no pairs.
+    What is read stays in ``cache`` (of its own, if None is given). Raises BadInputError where there are no pairs, and
+    for data of which a part is missing.
     """
 
     def __init__(
@@ -38,6 +39,11 @@ class PairSet:
         title: str | None = None,
         chosen: Mapping[str, Any] | None = None,
     ) -> None:
+        damaged = [s.damage for source in sources for s in source.sequences if s.damage]
+        if damaged:
+            raise BadInputError(
+                f"{damaged[0]}: get the file whole, since results on a part of it would pass for its own"
+            )
         cache = cache or FrameCache()
         self.key, self.title, self.chosen = key, title or key, dict(chosen or {})
         if not listed:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.frames.images import check_max_side, list_folders, list_images, read_grey, resize_max_side
+from sips_lit.frames.images import check_max_side, read_grey, resize_max_side
+from sips_lit.frames.listing import list_folders, list_images, warn_of_others
 from sips_lit.types import GreyImage, ImageSequence
 
 
@@ -97,6 +98,7 @@ def _sequences(root: Path, max_side: int | None) -> list[ImageSequence]:
         raise BadInputError(f"{problem}: data.path must be a folder of images")
     files = list_images(root)
     if files:
+        warn_of_others(root, files, "images")
         return [_sequence(root, files, max_side, root.resolve().name)]
     subfolders = [(sub, list_images(sub)) for sub in list_folders(root)]
     sequences = [_sequence(sub, own, max_side, f"{root.resolve().name}_{sub.name}") for sub, own in subfolders if own]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage
 
-IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp"})
 # grey at the depth of the file; the orientation tag is ignored, so that points are in pixels of the stored image
 DECODE_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 
@@ -86,26 +84,6 @@ def resize_max_side(image: GreyImage, max_side: int | None) -> GreyImage:
     before = (image.shape[1], image.shape[0])
     size = shrunk_size(before, max_side)
     return image if size == before else np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def list_images(folder: str | Path) -> list[Path]:
-    """The image files of a folder in natural order (img2 before img10); hidden and other files are passed over.
-
-    Links that lead nowhere are among them: to leave them out would join the frames before and after.
-    """
-    files = [p for p in Path(folder).iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
-    return sorted((p for p in files if not p.is_dir()), key=lambda p: (natural(p.name), p.name))
-
-
-def list_folders(folder: str | Path) -> list[Path]:
-    """The folders in a folder, sorted; hidden ones are passed over."""
-    return sorted(p for p in Path(folder).iterdir() if p.is_dir() and not p.name.startswith("."))
-
-
-def natural(name: str) -> list[tuple[int, int, str]]:
-    """A sort key in which runs of digits compare as numbers."""
-    parts = re.split(r"(\d+)", name)
-    return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
 
 
 def check_max_side(max_side: int | None) -> None:

@@ -8,6 +8,7 @@ import itertools
 import json
 import shutil
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,18 +17,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.errors import BadInputError
-from sips_lit.files import safe_name, write_whole
+from sips_lit.errors import BadInputError, warn_input
+from sips_lit.files import read_text, safe_name, write_whole
 from sips_lit.frames.images import resize_max_side
+from sips_lit.frames.listing import VIDEO_SUFFIXES, list_files, warn_of_others
 from sips_lit.frames.recording import Recording, RecordingLoader
 from sips_lit.frames.shots import find_cuts
+from sips_lit.frames.video_file import VideoFile, VideoFrame
 from sips_lit.progress import progress
 from sips_lit.types import GreyImage, ImageSequence
 
-VERSION = 1
-VIDEO_SUFFIXES = frozenset(
-    {".mp4", ".avi", ".mov", ".mkv", ".webm", ".mpg", ".mpeg", ".m4v", ".wmv", ".flv", ".ts", ".ogv"}
-)
+VERSION = 2
+SHAPE_TOLERANCE = 0.02  # sizes whose sides have ratios within this differ in scale only
 SPARE_BYTES = 200_000_000  # left free on the disk
 
 
@@ -35,10 +36,18 @@ class VideoShot(ImageSequence):
     """Frames ``start`` to ``stop`` of a frame cache: raw grey bytes of ``shape`` (N, H, W), read as needed."""
 
     def __init__(
-        self, cache: Path, shape: tuple[int, int, int], start: int, stop: int, name: str, fingerprint: str
+        self,
+        cache: Path,
+        shape: tuple[int, int, int],
+        start: int,
+        stop: int,
+        name: str,
+        fingerprint: str,
+        damage: str | None = None,
     ) -> None:
         self.cache, self.shape, self.start, self.stop = cache, shape, start, stop
         self.name, self.fingerprint = name, f"{fingerprint}[{start}:{stop}]"
+        self.damage = damage
 
     def __len__(self) -> int:
         return self.stop - self.start
@@ -68,8 +77,9 @@ def video(
 
     Every ``stride``-th frame is kept, at most ``max_frames`` of each video, shrunk to ``max_side`` pixels. Frames are
     decoded once into ``cache_dir``; an interrupted decoding goes on where it stopped, a changed video or parameter starts
-    it anew. Shots of fewer than two frames are left out. Raises BadInputError for a missing file, one without frames, and
-    a disk that is too full.
+    it anew. A cut, frames that can't be decoded, and a change of size end a shot: no pair reaches across. Shots of fewer
+    than two frames are left out. Warns of damage, and where ``max_frames`` cuts. Raises BadInputError for a missing file,
+    one without frames or of changing shape, and a disk that is too full.
     """
     if max_frames < 2 or stride < 1 or (max_side is not None and max_side < 16):
         raise BadInputError(
@@ -88,15 +98,16 @@ def video(
 def find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:
     """The files of a video, a folder of videos, a glob, a text file (.txt) with one of these a line, or a list of these.
 
-    Paths in a text file are relative to its folder; empty lines and those that begin with # are passed over. Raises
-    BadInputError where there is none.
+    Paths in a text file are relative to its folder; empty lines and those that begin with # are passed over. Warns of
+    other files in a folder of videos. Raises BadInputError where there is none.
     """
     if not isinstance(path, str | Path):
         return [file for part in path for file in find_videos(part)]
     root = Path(path)
     if root.is_dir():
-        visible = sorted(file for file in root.iterdir() if not file.name.startswith("."))
-        found = [file for file in visible if file.suffix.lower() in VIDEO_SUFFIXES]
+        found = list_files(root, VIDEO_SUFFIXES)
+        if found:
+            warn_of_others(root, found, "videos")
     elif root.is_file():
         found = find_videos(_lines(root)) if root.suffix.lower() == ".txt" else [root]
     else:
@@ -110,7 +121,7 @@ def find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:
 
 def _lines(file: Path) -> list[Path]:
     try:
-        lines = [line.strip() for line in file.read_text(encoding="utf-8").splitlines()]
+        lines = [line.strip() for line in read_text(file).splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise BadInputError(f"cannot read {file} as a list of videos ({error}): write one path a line") from error
     entries = [file.parent / line for line in lines if line and not line.startswith("#")]
@@ -130,10 +141,22 @@ def _shots(file: Path, name: str, cache_dir: Path, parameters: dict[str, Any]) -
     fingerprint = hashlib.sha256(json.dumps(source, sort_keys=True).encode()).hexdigest()[:16]
     cache = cache_dir / f"{name}-{fingerprint[:8]}"
     meta = _read_meta(cache) or _decode(file, cache, parameters)
+    if meta["damage"]:
+        warn_input(f"{meta['damage']}; no pair is made across a gap")
+    if meta["more"]:
+        warn_input(f"{file} is longer than data.max_frames={parameters['max_frames']}: the rest is not used")
     shape, cuts = tuple(meta["shape"]), [0, *meta["cuts"], meta["shape"][0]]
     spans = [(a, b) for a, b in itertools.pairwise(cuts) if b - a >= 2]
     return [
-        VideoShot(cache / "frames.u8", shape, a, b, name if len(spans) == 1 else f"{name}_shot{i}", fingerprint)
+        VideoShot(
+            cache / "frames.u8",
+            shape,
+            a,
+            b,
+            name if len(spans) == 1 else f"{name}_shot{i}",
+            fingerprint,
+            meta["damage"],
+        )
         for i, (a, b) in enumerate(spans)
     ]
 
@@ -143,7 +166,7 @@ def _read_meta(cache: Path) -> dict[str, Any] | None:
     try:
         meta: dict[str, Any] = json.loads((cache / "meta.json").read_text())
         whole = (cache / "frames.u8").stat().st_size == int(np.prod(meta["shape"]))
-        return meta if whole and "cuts" in meta else None
+        return meta if whole and {"cuts", "damage", "more"} <= meta.keys() else None
     except (OSError, ValueError, TypeError, KeyError):
         return None
 
@@ -153,9 +176,10 @@ def _decode(file: Path, cache: Path, parameters: dict[str, Any]) -> dict[str, An
     frames = cache / "frames.u8"
     try:
         cache.mkdir(parents=True, exist_ok=True)
-        shape = _append_frames(file, frames, parameters)
-        cuts = find_cuts(iter(_open_frames(frames, shape)))
-        meta = {"video": file.name, "shape": shape, "cuts": cuts, **parameters}
+        decoded = _append_frames(file, frames, parameters)
+        cuts = {*find_cuts(iter(_open_frames(frames, decoded.shape))), *decoded.breaks}
+        state = {"shape": decoded.shape, "cuts": sorted(cuts), "damage": decoded.damage, "more": decoded.more}
+        meta = {"video": file.name, **state, **parameters}
         write_whole(cache / "meta.json", (json.dumps(meta, indent=2) + "\n").encode())
     except OSError as error:
         raise BadInputError(
@@ -164,68 +188,71 @@ def _decode(file: Path, cache: Path, parameters: dict[str, Any]) -> dict[str, An
     return meta
 
 
-def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> tuple[int, int, int]:
+@dataclass(frozen=True, slots=True)
+class _Decoded:
+    """What a frame cache was filled with: (N, H, W), the frames that begin anew after a gap or change of size, what is
+    missing of the file, and whether it has more frames than were asked for.
+    """
+
+    shape: tuple[int, int, int]
+    breaks: list[int]
+    damage: str | None
+    more: bool
+
+
+def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> _Decoded:
     """Decodes what is missing; each frame has its fixed place, so two processes at once write the same bytes there."""
-    capture = cv2.VideoCapture(str(file))
-    try:
-        first = _next_frame(capture, 1, parameters["max_side"]) if capture.isOpened() else None
-        if first is None:
-            raise BadInputError(f"{file} has no frames that OpenCV can decode: it is damaged, empty or not a video")
-        height, width = first.shape
-        done = frames.stat().st_size // (height * width) if frames.is_file() else 0
-        reported = int(max(1, capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-        total = min(parameters["max_frames"], -(-reported // parameters["stride"]))
-        _check_space(file, frames.parent, (total - done) * height * width)
-        frames.touch()
-        with (
-            frames.open("r+b") as handle,
-            progress(desc=f"decoding {file.name}", unit="frame", total=total, initial=done) as bar,
-        ):
-            handle.seek(done * height * width)  # a kill may have left part of a frame, which is written over
-            for index, image in enumerate(_frames_of(capture, first, parameters, done), start=done):
-                if image.shape != first.shape:
-                    raise BadInputError(f"{file} changes its size at frame {index}: split it there")
-                handle.write(image.tobytes())
+    source, stride, limit = VideoFile(file), parameters["stride"], parameters["max_frames"]
+    kept = _every(source, stride)
+    first, _ = next(kept)
+    size = first.size
+    height, width = resize_max_side(first.grey(), parameters["max_side"]).shape
+    done = frames.stat().st_size // (height * width) if frames.is_file() else 0
+    total = min(limit, -(-source.total // stride))
+    _check_space(file, frames.parent, (total - done) * height * width)
+    frames.touch()
+    count, breaks, more = 0, list[int](), False
+    with (
+        frames.open("r+b") as handle,
+        progress(desc=f"decoding {file.name}", unit="frame", total=total, initial=done) as bar,
+    ):
+        handle.seek(done * height * width)  # a kill may have left part of a frame, which is written over
+        for count, (frame, after_hole) in enumerate(itertools.chain([(first, False)], kept)):
+            if count == limit:
+                more = True
+                break
+            if after_hole or frame.size != size:
+                breaks.append(count)
+            size = frame.size
+            if count >= done:
+                handle.write(_fitted(frame.grey(), (width, height), f"{file}, frame {count * stride},").tobytes())
                 bar.update()
-                done = index + 1
-            handle.truncate()
-    finally:
-        capture.release()
-    if done < 2:
+        else:
+            count += 1
+        handle.truncate(count * height * width)
+    if count < 2:
+        raise BadInputError(f"{file} gives one frame only at data.stride={stride}: a sequence needs two or more")
+    return _Decoded((count, height, width), breaks, source.damage, more)
+
+
+def _every(source: VideoFile, stride: int) -> Iterator[tuple[VideoFrame, bool]]:
+    """Every stride-th frame, and whether frames are missing between it and the one before."""
+    hole = False
+    for index, frame in enumerate(source):
+        hole |= frame.after_hole
+        if index % stride == 0:
+            yield frame, hole
+            hole = False
+
+
+def _fitted(image: GreyImage, size: tuple[int, int], name: str) -> GreyImage:
+    """The image scaled to ``size`` (W, H). Raises BadInputError where its shape is another one."""
+    height, width = image.shape
+    if abs(width * size[1] / (height * size[0]) - 1) > SHAPE_TOLERANCE:
         raise BadInputError(
-            f"{file} gives one frame only at data.stride={parameters['stride']}: a sequence needs two or more"
+            f"{name} is {width}x{height}, of another shape than the frames before: split the video there"
         )
-    return done, height, width
-
-
-def _frames_of(
-    capture: cv2.VideoCapture, first: GreyImage, parameters: dict[str, Any], done: int
-) -> Iterator[GreyImage]:
-    """The kept frames from number ``done`` on; those before are skipped without decoding them fully."""
-    if done == 0:
-        yield first
-    stride, kept = parameters["stride"], max(1, done)
-    for _ in range((kept - 1) * stride):
-        if not capture.grab():
-            return
-    while kept < parameters["max_frames"]:
-        image = _next_frame(capture, stride, parameters["max_side"])
-        if image is None:
-            return
-        yield image
-        kept += 1
-
-
-def _next_frame(capture: cv2.VideoCapture, stride: int, max_side: int | None) -> GreyImage | None:
-    """The stride-th next frame, or None at the end."""
-    for _ in range(stride):
-        if not capture.grab():
-            return None
-    decoded, image = capture.retrieve()
-    if not decoded or image is None:
-        return None
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return resize_max_side(np.asarray(grey, np.uint8), max_side)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _check_space(file: Path, folder: Path, needed: int) -> None:

@@ -14,6 +14,7 @@ class SequenceView(ImageSequence):
     def __init__(self, whole: ImageSequence) -> None:
         self.whole = whole
         self.name, self.fingerprint, self.temporal = whole.name, whole.fingerprint, whole.temporal
+        self.damage = whole.damage
 
     def __len__(self) -> int:
         return len(self.whole)

@@ -6,13 +6,16 @@ import hashlib
 import re
 import zipfile
 import zlib
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from threading import get_native_id
+from typing import Any
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.frames.images import IMAGE_SUFFIXES, decode_grey, natural, resize_max_side
+from sips_lit.frames.images import decode_grey, resize_max_side
+from sips_lit.frames.listing import IMAGE_SUFFIXES, name_key, natural
 from sips_lit.types import GreyImage, ImageSequence
 
 LARGEST_MEMBER = 2**28  # bytes of an unpacked image; a small archive that claims more is an attack or damaged
@@ -80,7 +83,8 @@ def list_members(path: Path) -> list[zipfile.ZipInfo]:
         ) from error
     for entry in images:
         _check_member(path, entry)
-    return sorted(images, key=lambda entry: (natural(entry.filename), entry.filename))
+    key = name_key([PurePosixPath(entry.filename).name for entry in images])
+    return sorted(images, key=lambda entry: _place(entry.filename, key))
 
 
 def read_member(path: Path, member: zipfile.ZipInfo) -> bytes:
@@ -102,6 +106,12 @@ def read_member(path: Path, member: zipfile.ZipInfo) -> bytes:
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
         raise BadInputError(f"{member.filename} in {path} is damaged: download the archive again") from error
     return data
+
+
+def _place(name: str, key: Callable[[str], Any]) -> tuple[Any, ...]:
+    """What orders a member: its folder, then its name."""
+    path = PurePosixPath(name)
+    return natural(str(path.parent)), key(path.name), name
 
 
 @lru_cache(OPEN_ARCHIVES)

@@ -13,8 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.errors import BadInputError
-from sips_lit.frames.images import IMAGE_SUFFIXES, list_images, read_grey
+from sips_lit.errors import BadInputError, warn_input
+from sips_lit.frames.images import read_grey
+from sips_lit.frames.listing import IMAGE_SUFFIXES, list_images
+from sips_lit.frames.video_file import VideoFile
 from sips_lit.types import GreyImage
 
 DEFAULT_FPS: Final = 25.0
@@ -95,31 +97,13 @@ class VideoStream(FrameStream):
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        capture = self._open()
-        fps, total = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        capture.release()
-        self.fps = fps if np.isfinite(fps) and fps > 0 else DEFAULT_FPS
-        self.total = int(total) if np.isfinite(total) and total > 0 else None
+        self.video = VideoFile(path)
+        self.fps, self.total = self.video.fps or DEFAULT_FPS, self.video.total
 
     def __iter__(self) -> Iterator[Frame]:
-        capture = self._open()
-        try:
-            index = 0
-            while (read := capture.read())[0]:
-                picture = np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2RGB), np.uint8)
-                grey = np.asarray(cv2.cvtColor(read[1], cv2.COLOR_BGR2GRAY), np.uint8)
-                yield Frame(f"{self.path.stem}_{index:06d}", grey, picture)
-                index += 1
-        finally:
-            capture.release()
-        if index == 0:
-            raise BadInputError(f"no frame of {self.path} can be decoded: check the file, or convert it to mp4 or png")
-
-    def _open(self) -> cv2.VideoCapture:
-        capture = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
-        if not capture.isOpened():
-            raise BadInputError(
-                f"{self.path} is neither an image nor a video that can be decoded: check the file, or convert it to mp4"
-            )
-        return capture
+        for index, frame in enumerate(self.video):
+            picture, grey = frame.colour(), frame.grey()
+            name = f"{self.video.path.stem}_{index:06d}"
+            yield Frame(name, grey, np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8))
+        if self.video.damage:
+            warn_input(self.video.damage)

@@ -120,7 +120,7 @@ def test_a_file_that_is_no_video(tmp_path):
     (dataset,) = recognise(tmp_path)
     report = check(dataset)
     assert not report.whole
-    assert "no frame that OpenCV can decode" in remarks(report)[0]
+    assert "is no video that can be read" in remarks(report)[0]
 
 
 def test_what_is_lacking_is_told():

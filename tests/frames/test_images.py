@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from textured_scenes import texture
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import list_images, read_grey, resize_max_side
+from sips_lit.frames.images import read_grey, resize_max_side
+from sips_lit.frames.listing import list_images
 
 GREY = texture(48, 64)
 COLOUR = np.stack([GREY, np.roll(GREY, 5, 1), 255 - GREY], -1)  # in BGR order
@@ -179,28 +180,6 @@ def test_path_with_letters_of_the_world(tmp_path: Path):
     path = tmp_path / "Straße 東京 é.png"
     saved(tmp_path, "a.png", GREY).rename(path)
     assert difference(read_grey(str(path)), GREY) == 0
-
-
-def test_images_are_listed_in_natural_order(tmp_path: Path):
-    names = ["2.png", "10.jpg", "a9b2.PNG", "a9b10.png", "a10b1.tif", "²3.bmp"]
-    for name in [*names, "1.txt", ".3.png", "4", "5.png.part", "._2.png"]:
-        (tmp_path / name).touch()
-    (tmp_path / "6.png").mkdir()
-    listed = [path.name for path in list_images(tmp_path)]
-    assert sorted(listed) == sorted(names)
-    assert [name for name in listed if name[0] == "a"] == ["a9b2.PNG", "a9b10.png", "a10b1.tif"]
-    assert listed.index("2.png") < listed.index("10.jpg")
-
-
-def test_order_does_not_depend_on_the_file_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    for name in ["1.png", "01.png", "001.png"]:  # equal as numbers
-        (tmp_path / name).touch()
-    orders = []
-    files = sorted(tmp_path.iterdir())
-    for files_found in (files, files[::-1]):
-        monkeypatch.setattr(Path, "iterdir", lambda _, found=files_found: iter(found))
-        orders.append(list_images(tmp_path))
-    assert orders[0] == orders[1]
 
 
 @settings(max_examples=50, deadline=None)

@@ -1,17 +1,16 @@
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from textured_scenes import flight
+from textured_scenes import flight, texture
 from video_files import decoded, frames_of, one, write_video
 
-import sips_lit.frames.video as video_module
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.frames.images import resize_max_side
-from sips_lit.frames.video import video
+from sips_lit.frames.video import find_videos, video
 
 
 @pytest.mark.parametrize(("codec", "suffix"), [("MJPG", ".avi"), ("mp4v", ".mp4")])
@@ -104,7 +103,7 @@ def test_equal_names_in_two_folders(tmp_path: Path):
 def test_not_a_video(tmp_path: Path, content: bytes):
     path = tmp_path / "broken.avi"
     path.write_bytes(content)
-    with pytest.raises(BadInputError, match=r"broken\.avi has no frames that OpenCV can decode"):
+    with pytest.raises(BadInputError, match=r"broken\.avi is no video that can be read"):
         video(path, tmp_path / "cache")
 
 
@@ -112,16 +111,20 @@ def test_a_video_without_its_index(tmp_path: Path):
     whole = write_video(tmp_path / "whole.mp4", flight().frames, "mp4v").read_bytes()
     path = tmp_path / "half.mp4"
     path.write_bytes(whole[: len(whole) // 2])  # the index of an mp4 is at its end
-    with pytest.raises(BadInputError, match=r"half\.mp4 has no frames"):
+    with pytest.raises(BadInputError, match=r"half\.mp4 is no video that can be read"):
         video(path, tmp_path / "cache")
 
 
-def test_half_an_avi_gives_its_frames(clip: Path, tmp_path: Path):
+def test_half_an_avi_gives_its_whole_frames(clip: Path, tmp_path: Path):
     path = tmp_path / "half.avi"
     path.write_bytes(clip.read_bytes()[: clip.stat().st_size // 2])
-    expected = decoded(path)
-    assert 2 <= len(expected) < 12
-    np.testing.assert_array_equal(one(path, tmp_path / "cache"), expected)
+    with pytest.warns(InputWarning, match=r"half\.avi is damaged: it ends early, after 5 frames"):
+        frames = one(path, tmp_path / "cache")
+    np.testing.assert_array_equal(frames, decoded(clip)[:5])
+    with pytest.warns(InputWarning, match="ends early"):  # also from the cache
+        (shot,) = video(path, tmp_path / "cache")
+    assert shot.damage is not None
+    assert video(clip, tmp_path / "cache")[0].damage is None
 
 
 def test_missing(tmp_path: Path):
@@ -157,30 +160,37 @@ def test_bad_parameters(clip: Path, tmp_path: Path, parameters: dict[str, int]):
         video(clip, tmp_path, **parameters)
 
 
-class Capture:
-    """Wraps a capture, and tells a wrong number of frames."""
-
-    def __init__(self, capture: cv2.VideoCapture, count: float) -> None:
-        self.capture, self.count = capture, count
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.capture, name)
-
-    def get(self, key: int) -> float:
-        return self.count if key == cv2.CAP_PROP_FRAME_COUNT else self.capture.get(key)
+def test_max_frames_is_told(clip: Path, tmp_path: Path, recwarn: pytest.WarningsRecorder):
+    one(clip, tmp_path, max_frames=12)
+    one(clip, tmp_path, max_frames=6, stride=2)
+    assert not recwarn.list
+    with pytest.warns(InputWarning, match=r"clip\.avi is longer than data\.max_frames=11"):
+        one(clip, tmp_path, max_frames=11)
 
 
-@pytest.mark.parametrize("count", [0, -1, -9.2e18, 1, 5, 13, 9.2e18, float("nan")])
-def test_a_wrong_number_of_frames_does_no_harm(
-    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: float
-):
-    expected, original = decoded(clip), cv2.VideoCapture
-    monkeypatch.setattr(cv2, "VideoCapture", lambda path: Capture(original(path), count))
-    np.testing.assert_array_equal(one(clip, tmp_path), expected)
+def test_files_that_are_no_videos_are_named(clip: Path, tmp_path: Path):
+    for name in ("a.avi", "b.MTS", ".c.avi", "a.lrv", "notes.txt"):
+        shutil.copy(clip, tmp_path / name)
+    with pytest.warns(InputWarning, match=r"2 files are no videos and are not read: a\.lrv, notes\.txt"):
+        assert [file.name for file in find_videos(tmp_path)] == ["a.avi", "b.MTS"]
 
 
-def test_size_that_changes(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    sizes = iter([(120, 160), (120, 160), (60, 80)])
-    monkeypatch.setattr(video_module, "_next_frame", lambda *_: np.zeros(next(sizes), np.uint8))
-    with pytest.raises(BadInputError, match=r"clip\.avi changes its size at frame 2"):
-        video(clip, tmp_path)
+def resized(path: Path, sizes: Sequence[tuple[int, int]]) -> Path:
+    """A raw stream of JPEG images, four of each size."""
+    images = [cv2.resize(texture(240, 320), size, interpolation=cv2.INTER_AREA) for size in sizes for _ in range(4)]
+    path.write_bytes(b"".join(cv2.imencode(".jpg", image)[1].tobytes() for image in images))
+    return path
+
+
+def test_a_size_that_changes_ends_a_shot(tmp_path: Path):
+    shots = video(resized(tmp_path / "call.mjpeg", [(320, 240), (160, 120)]), tmp_path / "cache", max_side=160)
+    assert [len(shot) for shot in shots] == [4, 4]
+    assert {shot.frame(3).shape for shot in shots} == {(120, 160)}
+    difference = shots[0].frame(0).astype(int) - shots[1].frame(0)
+    assert np.abs(difference).mean() < 3
+
+
+def test_a_shape_that_changes(tmp_path: Path):
+    path = resized(tmp_path / "turned.mjpeg", [(320, 240), (240, 320)])
+    with pytest.raises(BadInputError, match=r"turned\.mjpeg, frame 4, is 240x320, .* split the video there"):
+        video(path, tmp_path / "cache")

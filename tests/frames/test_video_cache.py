@@ -8,17 +8,15 @@ import pickle
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from textured_scenes import flight
 from video_files import decoded, frames_of, one, write_video
 
-import sips_lit.frames.video as video_module
 from sips_lit.errors import BadInputError
 from sips_lit.frames.video import video
+from sips_lit.frames.video_file import VideoFile, VideoFrame
 from sips_lit.types import GreyImage, ImageSequence
 
 
@@ -33,15 +31,14 @@ class KilledError(Exception):
 
 def stop_after(monkeypatch: pytest.MonkeyPatch, count: int, error: BaseException) -> None:
     """Decoding ends with ``error`` after ``count`` frames."""
-    next_frame = video_module._next_frame
-    left = iter(range(count))
+    grey, left = VideoFrame.grey, iter(range(count))
 
-    def interrupted(*arguments: Any) -> GreyImage | None:
+    def interrupted(frame: VideoFrame) -> GreyImage:
         if next(left, None) is None:
             raise error
-        return next_frame(*arguments)
+        return grey(frame)
 
-    monkeypatch.setattr(video_module, "_next_frame", interrupted)
+    monkeypatch.setattr(VideoFrame, "grey", interrupted)
 
 
 def test_second_open_decodes_nothing(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -50,7 +47,7 @@ def test_second_open_decodes_nothing(clip: Path, tmp_path: Path, monkeypatch: py
     def refuse(*_: object) -> None:
         raise AssertionError("decoded again")
 
-    monkeypatch.setattr(cv2, "VideoCapture", refuse)
+    monkeypatch.setattr(VideoFile, "__iter__", refuse)
     (again,) = video(clip, tmp_path)
     assert (again.name, again.fingerprint) == (first.name, first.fingerprint)
     np.testing.assert_array_equal(frames_of(again), frames_of(first))
@@ -69,14 +66,14 @@ def test_goes_on_after_a_kill(clip: Path, tmp_path: Path, kept: float, stride: i
 
 def test_goes_on_where_it_stopped(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with monkeypatch.context() as patch:
-        stop_after(patch, 8, KilledError())
+        stop_after(patch, 1 + 8, KilledError())  # the first one twice: it tells the size
         with pytest.raises(KilledError):
             video(clip, tmp_path)
     folder = cached(tmp_path)
     assert not (folder / "meta.json").exists()
     assert (folder / "frames.u8").stat().st_size == 8 * 160 * 120
     with monkeypatch.context() as patch:
-        stop_after(patch, 1 + 4 + 1, AssertionError("decoded more than the first, the missing ones and the end"))
+        stop_after(patch, 1 + 4, AssertionError("decoded more than the first and the missing ones"))
         np.testing.assert_array_equal(one(clip, tmp_path), decoded(clip))
 
 
@@ -100,17 +97,17 @@ def test_a_damaged_description_is_made_anew(clip: Path, tmp_path: Path, text: st
 
 def test_two_runs_may_decode_at_the_same_time(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     expected = decoded(clip)
-    frames_left = video_module._frames_of
+    frames_left = VideoFile.__iter__
     others: list[list[GreyImage]] = []
 
-    def with_another_run(*arguments: Any) -> Iterator[GreyImage]:
-        for index, image in enumerate(frames_left(*arguments)):
+    def with_another_run(source: VideoFile) -> Iterator[VideoFrame]:
+        for index, frame in enumerate(frames_left(source)):
             if index == 5 and not others:
                 others.append([])
                 others[0] += one(clip, tmp_path)
-            yield image
+            yield frame
 
-    monkeypatch.setattr(video_module, "_frames_of", with_another_run)
+    monkeypatch.setattr(VideoFile, "__iter__", with_another_run)
     np.testing.assert_array_equal(one(clip, tmp_path), expected)
     np.testing.assert_array_equal(others[0], expected)
     np.testing.assert_array_equal(one(clip, tmp_path), expected)
@@ -141,7 +138,7 @@ def test_too_little_space(clip: Path, tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_disk_that_gets_full(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with monkeypatch.context() as patch:
-        stop_after(patch, 7, OSError(errno.ENOSPC, "No space left on device"))
+        stop_after(patch, 1 + 7, OSError(errno.ENOSPC, "No space left on device"))
         with pytest.raises(
             BadInputError, match=r"cannot write the frames of .*clip\.avi to .*No space left .*run it again"
         ):

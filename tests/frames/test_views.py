@@ -93,7 +93,9 @@ class Echo(ImageSequence):
 
 
 QUESTIONS = [
-    name for name in vars(ImageSequence) if not name.startswith("_") and name not in ("temporal", "source_range")
+    name
+    for name in vars(ImageSequence)
+    if not name.startswith("_") and name not in ("temporal", "damage", "source_range")
 ]
 for name in QUESTIONS:
     setattr(Echo, name, lambda self, *indices, name=name: (name, *indices))
@@ -114,6 +116,9 @@ def test_a_view_is_known_as_the_whole():
     whole = numbered(10)
     view = SequenceView(whole)
     assert (len(view), view.name, view.fingerprint, view.temporal) == (10, whole.name, whole.fingerprint, True)
+    assert view.damage is None
+    whole.damage = "half of it is missing"
+    assert SequenceView(whole).damage == FrameRange(whole, 0, 3).damage == "half of it is missing"
     assert not SequenceView(Echo()).temporal
     assert not FrameRange(Echo(), 0, 3).temporal
 

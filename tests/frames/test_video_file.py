@@ -1,0 +1,207 @@
+"""Damage of videos, and what is no damage, in the containers and codecs that people have."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from textured_scenes import flight
+from video_files import decoded
+
+from sips_lit.errors import BadInputError
+from sips_lit.frames.video_file import VideoFile
+
+FRAMES, GROUP = 60, 12  # a keyframe every 12 frames
+
+
+def marked() -> list[np.ndarray]:
+    """Frames that tell their own number in binary, by blocks of 16 pixels in the first rows."""
+    images = [frame.copy() for frame in flight(FRAMES, size=(320, 240)).frames]
+    for number, image in enumerate(images):
+        for bit in range(6):
+            image[:16, 16 * bit : 16 * bit + 16] = 255 * (number >> bit & 1)
+    return images
+
+
+def numbers(video: VideoFile) -> list[int]:
+    """The numbers that the frames of a video tell."""
+    blocks = [frame.grey()[4:12, 4:96].reshape(8, -1) for frame in video]
+    return [sum(int(block[:, 16 * bit : 16 * bit + 8].mean() > 127) << bit for bit in range(6)) for block in blocks]
+
+
+def holes(video: VideoFile) -> list[int]:
+    return [index for index, frame in enumerate(video) if frame.after_hole]
+
+
+def damaged(path: Path, change: Callable[[bytearray], None]) -> VideoFile:
+    data = bytearray(path.read_bytes())
+    change(data)
+    broken = path.with_name(f"broken{path.suffix}")
+    broken.write_bytes(data)
+    return VideoFile(broken)
+
+
+def cut(share: float) -> Callable[[bytearray], None]:
+    def change(data: bytearray) -> None:
+        del data[int(share * len(data)) :]
+
+    return change
+
+
+def zero(share: float, count: int = 3000) -> Callable[[bytearray], None]:
+    def change(data: bytearray) -> None:
+        start = int(share * len(data))
+        data[start : start + count] = bytes(count)
+
+    return change
+
+
+CONTAINERS = [
+    ("mp4", "libx264"),
+    ("mov", "libx264"),
+    ("mkv", "libx264"),
+    ("ts", "libx264"),
+    ("flv", "libx264"),
+    ("avi", "mpeg4"),
+    ("avi", "mjpeg"),
+    ("webm", "libvpx-vp9"),
+    ("mpg", "mpeg2video"),
+]
+
+
+def encode(path: Path, codec: str) -> Path:
+    """The marked frames as a video."""
+    options = {"movflags": "faststart"} if path.suffix in (".mp4", ".mov") else {}
+    with av.open(str(path), "w", options=options) as container:
+        stream = container.add_stream(codec, rate=30)
+        stream.width, stream.height, stream.gop_size, stream.bit_rate = 320, 240, GROUP, 2_000_000
+        stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+        stream.options = {"keyint_min": str(GROUP), "sc_threshold": "0"} if codec == "libx264" else {}
+        if codec == "libvpx-vp9":
+            stream.options = {"deadline": "realtime", "cpu-used": "8"}
+        for image in marked():
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, "gray").reformat(format=stream.pix_fmt)))
+        container.mux(stream.encode(None))
+    return path
+
+
+@pytest.fixture(scope="module", params=CONTAINERS, ids="-".join)
+def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    suffix, codec = request.param
+    return encode(tmp_path_factory.mktemp("whole") / f"whole.{suffix}", codec)
+
+
+def test_a_whole_file(whole: Path):
+    video = VideoFile(whole)
+    assert numbers(video) == list(range(FRAMES))
+    assert (video.damage, holes(video), video.total) == (None, [], FRAMES)
+    assert video.fps == pytest.approx(30, rel=0.01)
+
+
+def test_a_download_cut_short(whole: Path):
+    video = damaged(whole, cut(0.6))
+    found = numbers(video)
+    assert 20 < len(found) < 50
+    assert found == list(range(len(found)))
+    assert video.damage is not None
+    assert f"it ends early, after {len(found)} frames" in video.damage
+
+
+def test_a_damaged_middle(whole: Path):
+    video = damaged(whole, zero(0.5))
+    found = numbers(video)
+    assert found[-1] == FRAMES - 1
+    assert len(found) < FRAMES
+    steps = np.diff(found)
+    assert (steps > 0).all()
+    assert video.damage is not None
+    gaps = (np.flatnonzero(steps > 1) + 1).tolist()
+    assert holes(video) == gaps
+    assert f"missing in {len(gaps)} place" in video.damage
+    assert steps.max() <= 2 * GROUP  # frames are read again from the next keyframe or cluster on
+
+
+def remuxed(source: Path, path: Path, skip: int = 0) -> Path:
+    """The packets of a video in another file, without the first ``skip``."""
+    with av.open(str(source)) as given, av.open(str(path), "w") as made:
+        stream = made.add_stream_from_template(given.streams.video[0])
+        packets = [packet for packet in given.demux(video=0) if packet.dts is not None]
+        for packet in packets[skip:]:
+            packet.stream = stream
+            made.mux(packet)
+    return path
+
+
+def test_a_recording_that_begins_between_keyframes_is_whole(tmp_path: Path):
+    video = VideoFile(remuxed(encode(tmp_path / "whole.ts", "libx264"), tmp_path / "joined.ts", skip=5))
+    found = numbers(video)
+    assert found == list(range(found[0], FRAMES))
+    assert found[0] <= GROUP
+    assert (video.damage, holes(video)) == (None, [])
+
+
+def test_frames_equal_those_of_opencv(whole: Path):
+    np.testing.assert_array_equal([frame.grey() for frame in VideoFile(whole)], decoded(whole))
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize("name", ["base.mp4", "gap.mp4", "vfr.webm", "drop.avi", "av1.mp4", "cam.MTS", "pi.h264"])
+def test_whole_files_that_cameras_write(shared_cases: Path, name: str):
+    video = VideoFile(shared_cases / name)
+    frames = [frame.grey() for frame in video]
+    assert (len(frames), video.total, video.damage) == (60, 60, None)
+    if name in ("gap.mp4", "cam.MTS", "vfr.webm", "av1.mp4"):  # the same scene by another codec
+        for frame, base in zip(frames[::10], list(VideoFile(shared_cases / "base.mp4"))[::10], strict=True):
+            assert np.abs(frame.astype(int) - base.grey()).mean() < 6
+
+
+@pytest.mark.shared_data
+def test_a_download_cut_short_by_name(shared_cases: Path):
+    video = VideoFile(shared_cases / "trunc.mp4")
+    whole = [frame.grey() for frame in VideoFile(shared_cases / "base.mp4")]
+    frames = [frame.grey() for frame in video]
+    assert 34 <= len(frames) <= 37
+    np.testing.assert_array_equal(frames, whole[: len(frames)])
+    assert video.damage is not None
+    assert "trunc.mp4 is damaged: it ends early" in video.damage
+
+
+@pytest.mark.shared_data
+def test_a_portrait_stands_upright(shared_cases: Path):
+    frames = [frame.colour() for frame in VideoFile(shared_cases / "rot.mp4")]
+    capture = cv2.VideoCapture(str(shared_cases / "rot.mp4"))
+    assert frames[0].shape == (240, 320, 3)
+    np.testing.assert_array_equal(frames[0], capture.read()[1])
+    assert next(iter(VideoFile(shared_cases / "rot.mp4"))).size == (320, 240)
+
+
+def test_what_is_no_video(tmp_path: Path):
+    sound = tmp_path / "sound.wav"
+    with av.open(str(sound), "w") as container:
+        stream = container.add_stream("pcm_s16le", rate=8000)
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), layout="mono")
+        frame.sample_rate = 8000
+        container.mux(stream.encode(frame))
+    with pytest.raises(BadInputError, match=r"sound\.wav has no video in it"):
+        VideoFile(sound)
+    (tmp_path / "text.mp4").write_text("no video at all\n" * 500)
+    with pytest.raises(BadInputError, match=r"text\.mp4 is no video that can be read"):
+        VideoFile(tmp_path / "text.mp4")
+    with pytest.raises(BadInputError, match=r"cannot read the video .*gone\.mp4: No such file"):
+        VideoFile(tmp_path / "gone.mp4")
+
+
+def test_a_codec_that_is_not_known(tmp_path: Path, clip: Path):
+    path = tmp_path / "my film.avi"
+    path.write_bytes(clip.read_bytes().replace(b"MJPG", b"XYZ1"))
+    advice = r"ffmpeg -i '.*my film\.avi'.*'my film_h264\.mp4'"
+    with pytest.raises(BadInputError, match=rf"no frame of .*my film\.avi \(XYZ1\).*{advice}"):
+        list(VideoFile(path))
+
+
+def test_a_relative_name_with_a_colon(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "12:30.avi").write_bytes(clip.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    assert len(list(VideoFile(Path("12:30.avi")))) == 12
