@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -15,11 +14,11 @@ from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor, score_map
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import read_grey
+from sips_lit.frames.images import read_grey, to_grey
 from sips_lit.types import FloatArray, GreyImage, Keypoints, ScoreKind
 
 # modes of PIL images whose bytes are indices of a palette, inks and the like
-PIL_NEITHER_GREY_NOR_RGB: Final = frozenset({"P", "PA", "LA", "CMYK", "YCbCr", "HSV"})
+PIL_NEITHER_GREY_NOR_RGB: Final = frozenset({"P", "PA", "LA", "La", "RGBa", "CMYK", "YCbCr", "HSV"})
 
 
 class SipsDetector(BaseDetector):
@@ -52,8 +51,8 @@ class SipsDetector(BaseDetector):
     def __call__(self, image: str | Path | np.ndarray[Any, Any] | Tensor | Any, n: int = 50) -> Keypoints:
         """The ``n`` points of ``image`` most likely to be inliers (fewer, if it has not so many), best first.
 
-        ``image``: a path; a grey (H, W) or colour (H, W, 3) RGB array or PIL image, uint8 or float in [0, 1]; or a tensor,
-        (H, W), (1, H, W) or (3, H, W). Raises BadInputError for anything else.
+        ``image``: a path; a grey (H, W) or colour (H, W, 3) RGB array or PIL image, uint8, uint16 or float in [0, 1]; or a
+        tensor, (H, W), (1, H, W) or (3, H, W). Grey is that of `read_grey`. Raises BadInputError for anything else.
         """
         return self.detect(as_grey(image), n)
 
@@ -78,28 +77,10 @@ def as_grey(image: Any) -> GreyImage:
         array = array[0] if array.ndim == 3 and array.shape[0] == 1 else array
         array = np.moveaxis(array, 0, -1) if array.ndim == 3 else array
     else:
-        if getattr(image, "mode", None) in PIL_NEITHER_GREY_NOR_RGB:
-            image = image.convert("RGB")
+        mode = getattr(image, "mode", None)  # of a PIL image
+        if mode == "LAB":
+            raise BadInputError("an image in LAB must be converted first, since Pillow cannot: give RGB or grey")
+        if mode in PIL_NEITHER_GREY_NOR_RGB:
+            image = image.convert("RGBA" if mode == "RGBa" else "RGB")
         array = np.asarray(image)
-    if array.ndim == 3 and array.shape[2] in (1, 3, 4):
-        array = array[..., 0] if array.shape[2] == 1 else array[..., :3]
-    elif array.ndim != 2:
-        raise BadInputError(f"an image must be (H, W) or (H, W, 3), not of shape {array.shape}")
-    if array.size == 0:
-        raise BadInputError(f"the image is empty: its shape is {array.shape}")
-    if np.issubdtype(array.dtype, np.floating):
-        if not np.isfinite(array).all() or array.min() < 0 or array.max() > 1:
-            raise BadInputError(
-                "an image of floats must have finite values from 0 to 1: divide it by 255, or give uint8"
-            )
-        array = np.round(array * 255).astype(np.uint8)
-    elif array.dtype == np.bool_:
-        array = array.astype(np.uint8) * 255
-    elif array.dtype == np.uint16:
-        array = (array / 257 + 0.5).astype(np.uint8)
-    elif array.dtype != np.uint8:
-        raise BadInputError(f"an image must be uint8, uint16 or float in [0, 1], not {array.dtype}")
-    if array.ndim == 3:
-        array = cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_RGB2GRAY)
-    grey: GreyImage = np.require(array, np.uint8, ["C", "W"])  # PyTorch warns of arrays that are read-only
-    return grey
+    return to_grey(array, "the image", rgb=True)

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.frames.images import check_max_side, read_grey, resize_max_side
+from sips_lit.frames.images import GREY_VERSION, check_max_side, read_grey, read_values, resize_max_side
 from sips_lit.frames.listing import list_folders, list_images, warn_of_others
+from sips_lit.frames.span import Span, find_span
 from sips_lit.types import GreyImage, ImageSequence
 
 
@@ -23,7 +24,7 @@ class FolderSequence(ImageSequence):
         self.folder, self.files, self.max_side = folder, list(files), max_side
         self.name = safe_name(name or folder.resolve().name)
         stats = [(file.name, *_size_and_time(file)) for file in self.files]
-        self.fingerprint = hashlib.sha256(repr((stats, max_side)).encode()).hexdigest()[:16]
+        self.fingerprint = hashlib.sha256(repr((stats, max_side, GREY_VERSION)).encode()).hexdigest()[:16]
         self._size: tuple[int, int] | None = None
 
     def __len__(self) -> int:
@@ -31,7 +32,7 @@ class FolderSequence(ImageSequence):
 
     def frame(self, index: int) -> GreyImage:
         """Frame ``index``. Raises BadInputError when it can't be read or is not of the size of the first one that can."""
-        image = read_grey(self.files[index])
+        image = read_grey(self.files[index], self.span)
         height, width = image.shape
         if index == 0:
             self._size = (width, height)
@@ -46,9 +47,14 @@ class FolderSequence(ImageSequence):
     def size(self) -> tuple[int, int]:
         """(W, H) of the files in pixels, before they are shrunk. Raises BadInputError when none can be read."""
         if self._size is None:
-            height, width = read_grey(self._first).shape
+            height, width = read_values(self._first).shape[:2]
             self._size = (width, height)
         return self._size
+
+    @functools.cached_property
+    def span(self) -> Span:
+        """Which 16-bit values become 0 to 255: one span for all images."""
+        return find_span(len(self), lambda index: read_values(self.files[index]))
 
     @functools.cached_property
     def _first(self) -> Path:
@@ -86,7 +92,7 @@ def _size_and_time(file: Path) -> tuple[int, int]:
 
 def _can_be_read(file: Path) -> bool:
     try:
-        read_grey(file)
+        read_values(file)
     except BadInputError:
         return False
     return True

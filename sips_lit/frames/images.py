@@ -10,24 +10,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.span import Span, find_span
 from sips_lit.types import GreyImage
 
-# grey at the depth of the file; the orientation tag is ignored, so that points are in pixels of the stored image
-DECODE_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+GREY_VERSION = 2  # part of the fingerprints of sequences: frames change when the way to grey does
+# channels and depth of the file, without alpha; the orientation tag is ignored, so that points are in pixels of the file
+DECODE_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
-def read_grey(path: str | Path) -> GreyImage:
+def read_grey(path: str | Path, span: Span | None = None) -> GreyImage:
     """An image file, grey or colour, as grey uint8 (H, W); alpha is dropped and the orientation tag (EXIF) ignored.
 
-    Other depths are scaled: 16-bit values by their full range, floating-point ones from [0, 1]. Raises BadInputError when
-    the file is missing, truncated or not an image, or has values of another kind.
+    16-bit values are scaled by ``span``, by default the part of their range that this image uses; floating-point ones from
+    [0, 1]. Raises BadInputError when the file is missing, truncated or not an image, or has values of another kind.
     """
-    return decode_grey(_bytes(Path(path)), str(path))
+    return to_grey(read_values(path), str(path), span)
 
 
-def decode_grey(data: bytes, name: str) -> GreyImage:
-    """The image of a file's bytes as `read_grey` gives it; errors call it ``name``."""
-    return _to_8_bits(_decode(data, name, DECODE_FLAGS), name)
+def read_values(path: str | Path) -> NDArray[Any]:
+    """The values of an image file, grey (H, W) or BGR (H, W, 3), of the depth that they are stored in.
+
+    Raises BadInputError when the file is missing, truncated or not an image.
+    """
+    return decode_values(_bytes(Path(path)), str(path))
+
+
+def decode_values(data: bytes, name: str) -> NDArray[Any]:
+    """The image of a file's bytes as `read_values` gives it; errors call it ``name``."""
+    return _decode(data, name, DECODE_FLAGS)
 
 
 def read_stored(path: Path) -> NDArray[Any]:
@@ -41,8 +51,8 @@ def read_stored(path: Path) -> NDArray[Any]:
 def _bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
-    except OSError as error:
-        raise BadInputError(f"cannot read the image {path}: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # the latter for a NUL in the name
+        raise BadInputError(f"cannot read the image {path}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _decode(data: bytes, name: str, flags: int) -> NDArray[Any]:
@@ -58,16 +68,46 @@ def _decode(data: bytes, name: str, flags: int) -> NDArray[Any]:
     return image
 
 
-def _to_8_bits(image: NDArray[Any], name: str) -> GreyImage:
-    if image.dtype == np.uint8:
-        return np.asarray(image, np.uint8)
-    if image.dtype == np.uint16:
-        return np.asarray(image / 257 + 0.5, np.uint8)
-    if image.dtype.kind == "f" and np.all((image >= 0) & (image <= 1)):  # false for NaN
-        return np.asarray(image * 255 + 0.5, np.uint8)
-    raise BadInputError(
-        f"{name} has values of type {image.dtype} from {image.min()} to {image.max()}: convert it to 8 or 16 bits, or to "
-        "floating-point values in [0, 1]"
+def to_grey(values: NDArray[Any], name: str, span: Span | None = None, rgb: bool = False) -> GreyImage:
+    """Grey uint8 (H, W) of an image (H, W), (H, W, 1), or in colour (H, W, 3 or 4), alpha last: the one way to grey.
+
+    Colour is BGR unless ``rgb``, and weighted as OpenCV does. Depths are treated as `read_grey` says, in any byte order.
+    Raises BadInputError, which calls it ``name``, for another shape, an empty image and values of another kind.
+    """
+    if values.ndim not in (2, 3) or (values.ndim == 3 and values.shape[2] not in (1, 3, 4)):
+        raise BadInputError(f"{name} must be (H, W) or (H, W, 3), not of shape {values.shape}")
+    if values.size == 0:
+        raise BadInputError(f"{name} is empty: its shape is {values.shape}")
+    values = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
+    if values.dtype == np.bool_:
+        values = values.astype(np.uint8) * np.uint8(255)
+    if values.dtype.kind == "f":
+        if not np.all((values >= 0) & (values <= 1)):  # also for NaN
+            raise _other_values(values, name)
+        values = np.asarray(values * 255 + 0.5, np.uint8)
+    if values.dtype not in (np.uint8, np.uint16):
+        raise _other_values(values, name)
+    if values.ndim == 3:
+        colour = np.ascontiguousarray(values[..., :3])
+        values = values[..., 0] if values.shape[2] == 1 else cv2.cvtColor(colour, _TO_GREY[rgb])
+    if values.dtype == np.uint16:
+        values = (find_span(1, lambda _: values) if span is None else span)(np.asarray(values, np.uint16))
+    grey: GreyImage = np.require(values, np.uint8, ["C", "W"])
+    return grey
+
+
+_TO_GREY = {False: cv2.COLOR_BGR2GRAY, True: cv2.COLOR_RGB2GRAY}
+
+
+def _other_values(values: NDArray[Any], name: str) -> BadInputError:
+    if values.dtype.kind == "f":
+        return BadInputError(
+            f"{name} has values of type {values.dtype} from {values.min()} to {values.max()}, but an image of floats must "
+            "have finite values from 0 to 1: divide it by 255, or convert it to 8 bits"
+        )
+    return BadInputError(
+        f"{name} has values of type {values.dtype}: convert it, an image must be uint8, uint16 or float in [0, 1], not "
+        f"{values.dtype}"
     )
 
 

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
 import zipfile
 import zlib
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from threading import get_native_id
 from typing import Any
 
+from numpy.typing import NDArray
+
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.frames.images import decode_grey, resize_max_side
+from sips_lit.frames.images import GREY_VERSION, decode_values, resize_max_side, to_grey
 from sips_lit.frames.listing import IMAGE_SUFFIXES, name_key, natural
+from sips_lit.frames.span import Span, find_span
 from sips_lit.types import GreyImage, ImageSequence
 
 LARGEST_MEMBER = 2**28  # bytes of an unpacked image; a small archive that claims more is an attack or damaged
@@ -40,7 +43,7 @@ class ZipSequence(ImageSequence):
             raise BadInputError(f"the archive {path} has {count}: a sequence needs two or more, download it again")
         self.name = safe_name(name or path.stem)
         contents = [(member.filename, member.file_size, member.CRC) for member in self.members]
-        self.fingerprint = hashlib.sha256(repr((contents, max_side)).encode()).hexdigest()[:16]
+        self.fingerprint = hashlib.sha256(repr((contents, max_side, GREY_VERSION)).encode()).hexdigest()[:16]
         self._shape: tuple[int, ...] | None = None
 
     def __len__(self) -> int:
@@ -62,9 +65,19 @@ class ZipSequence(ImageSequence):
         """The member's name without folder and suffix."""
         return safe_name(PurePosixPath(self.members[index].filename).stem)
 
+    @functools.cached_property
+    def span(self) -> Span:
+        """Which 16-bit values become 0 to 255: one span for all images."""
+        return find_span(len(self), self._values)
+
     def _read(self, index: int) -> GreyImage:
-        member = self.members[index]
-        return decode_grey(read_member(self.path, member), f"{member.filename} in {self.path}")
+        return to_grey(self._values(index), self._where(index), self.span)
+
+    def _values(self, index: int) -> NDArray[Any]:
+        return decode_values(read_member(self.path, self.members[index]), self._where(index))
+
+    def _where(self, index: int) -> str:
+        return f"{self.members[index].filename} in {self.path}"
 
 
 def list_members(path: Path) -> list[zipfile.ZipInfo]:
@@ -114,7 +127,7 @@ def _place(name: str, key: Callable[[str], Any]) -> tuple[Any, ...]:
     return natural(str(path.parent)), key(path.name), name
 
 
-@lru_cache(OPEN_ARCHIVES)
+@functools.lru_cache(OPEN_ARCHIVES)
 def _opened(path: Path, state: tuple[int, ...], thread: int) -> zipfile.ZipFile:
     archive = zipfile.ZipFile(path)
     archive.filelist.clear()  # megabytes that the sequence has already

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, warn_input
-from sips_lit.frames.images import read_grey
+from sips_lit.frames.images import read_grey, read_values
 from sips_lit.frames.listing import IMAGE_SUFFIXES, list_images
+from sips_lit.frames.span import find_span
 from sips_lit.frames.video_file import VideoFile
 from sips_lit.types import GreyImage
 
@@ -77,17 +78,18 @@ class ImageStream(FrameStream):
         self.total, self.fps = len(paths), None
 
     def __iter__(self) -> Iterator[Frame]:
+        span = find_span(len(self.paths), lambda index: read_values(self.paths[index]))
         for path in self.paths:
-            grey = read_grey(path)  # also finds damaged files
-            yield Frame(path.stem, grey, _read_colour(path) if self.colour else grey)
+            grey = read_grey(path, span)  # also finds damaged files
+            yield Frame(path.stem, grey, _picture(path, grey) if self.colour else grey)
 
 
-def _read_colour(path: Path) -> NDArray[np.uint8]:
-    # like read_grey without the orientation tag, or the points would be drawn elsewhere
-    picture = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    if picture is None:
-        raise BadInputError(f"{path} cannot be read in colour: leave out the overlay (format=[npz,csv])")
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
+def _picture(path: Path, grey: GreyImage) -> NDArray[np.uint8]:
+    """RGB (H, W, 3) of an image of 8 bits, and of others the grey one."""
+    values = read_values(path)
+    if values.dtype != np.uint8:
+        return np.dstack([grey] * 3)
+    return np.asarray(cv2.cvtColor(values, cv2.COLOR_GRAY2RGB if values.ndim == 2 else cv2.COLOR_BGR2RGB), np.uint8)
 
 
 class VideoStream(FrameStream):

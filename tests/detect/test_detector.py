@@ -230,3 +230,10 @@ def test_from_a_checkpoint(tmp_path):
     coarse = SipsDetector.from_checkpoint(str(path), subpixel=False)(GREY)
     same(coarse, tiny_detector(nms_radius=3, subpixel=False)(GREY))
     np.testing.assert_array_equal(coarse.xy, np.rint(coarse.xy))
+
+
+def test_a_big_endian_pil_image_and_one_in_lab():
+    deep = PIL.Image.frombytes("I;16B", GREY.shape[::-1], (GREY.astype(">u2") * 257).tobytes())
+    np.testing.assert_array_equal(as_grey(deep), GREY)
+    with pytest.raises(BadInputError, match="LAB must be converted first"):
+        as_grey(PIL.Image.frombytes("LAB", (50, 40), bytes(6000)))

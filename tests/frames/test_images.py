@@ -5,14 +5,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import PIL.Image
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from textured_scenes import texture
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import read_grey, resize_max_side
+from sips_lit.frames.images import read_grey, resize_max_side, to_grey
 from sips_lit.frames.listing import list_images
+from sips_lit.frames.span import FULL
 
 GREY = texture(48, 64)
 COLOUR = np.stack([GREY, np.roll(GREY, 5, 1), 255 - GREY], -1)  # in BGR order
@@ -207,4 +209,47 @@ def test_real_images_as_opencv_reads_them(shared_data: Path):
         *list_images(shared_data / "rgbd_desk" / "color")[::30],
         *list_images(shared_data / "visp_cube")[::30],
     ]:
-        assert difference(read_grey(path), cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)) == 0
+        colour = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        assert difference(read_grey(path), cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY)) == 0
+
+
+NOISE = np.random.default_rng(0).integers(0, 256, (40, 50, 3), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "bits"),
+    [("png", 8), ("bmp", 8), ("tiff", 8), ("ppm", 8), ("webp", 8), ("jpg", 8), ("png", 16), ("tiff", 16), ("ppm", 16)],
+)
+def test_one_grey_by_name_and_as_an_array(tmp_path: Path, suffix: str, bits: int):
+    """A lossless file, what OpenCV and Pillow read from it, and the array itself are one image."""
+    values = NOISE if bits == 8 else NOISE.astype(np.uint16) * 257
+    path = tmp_path / f"a.{suffix}"
+    options = [cv2.IMWRITE_WEBP_QUALITY, 101] if suffix == "webp" else []
+    assert cv2.imwrite(str(path), values, options)
+    stored = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if suffix != "jpg":
+        np.testing.assert_array_equal(stored, values)
+    wanted = cv2.cvtColor(stored, cv2.COLOR_BGR2GRAY)
+    wanted = wanted if bits == 8 else (wanted / 257 + 0.5).astype(np.uint8)
+    np.testing.assert_array_equal(read_grey(path), wanted)
+    np.testing.assert_array_equal(to_grey(stored, "a"), wanted)
+    np.testing.assert_array_equal(to_grey(stored[..., ::-1], "a", rgb=True), wanted)
+    if bits == 8:
+        pillow = np.asarray(PIL.Image.open(path).convert("RGB"))
+        assert np.abs(to_grey(pillow, "a", rgb=True).astype(int) - wanted).max() <= (3 if suffix == "jpg" else 0)
+
+
+@pytest.mark.parametrize("order", ["<u2", ">u2"])
+def test_byte_order_does_not_matter(order: str):
+    values = np.linspace(0, 65535, 2000).reshape(40, 50).astype(np.uint16)
+    np.testing.assert_array_equal(to_grey(values.astype(order), "a"), to_grey(values, "a"))
+
+
+def test_a_thermal_image_alone_uses_its_own_range(tmp_path: Path):
+    grey = texture(120, 160)
+    path = tmp_path / "thermal.png"
+    assert cv2.imwrite(str(path), (28900 + grey.astype(np.uint16) * 4))
+    read = read_grey(path)
+    assert read.std() > 0.7 * grey.std()
+    assert np.corrcoef(read.ravel(), grey.ravel())[0, 1] > 0.999
+    np.testing.assert_array_equal(read_grey(path, FULL), (28900 + grey.astype(float) * 4 + 128) // 257)

@@ -95,11 +95,21 @@ def test_a_damaged_image_stops_at_its_turn(tmp_path, colour):
         next(frames)
 
 
-def test_colour_that_cannot_be_read(tmp_path):
-    write(tmp_path / "depth.tiff", texture(20, 25) / np.float32(255))
-    assert len(list(open_stream(tmp_path, colour=False))) == 1
-    with pytest.raises(BadInputError, match="leave out the overlay"):
-        list(open_stream(tmp_path, colour=True))
+def test_pictures_of_other_depths_are_grey(tmp_path):
+    write(tmp_path / "float.tiff", texture(20, 25) / np.float32(255))
+    (frame,) = open_stream(tmp_path, colour=True)
+    np.testing.assert_array_equal(frame.picture, np.dstack([frame.grey] * 3))
+
+
+def test_one_range_for_a_folder_of_thermal_images(tmp_path):
+    """A frame of little contrast among others keeps little contrast."""
+    dark, bright = texture(60, 80), (texture(60, 80) // 8)
+    for name, image in {"a": dark, "b": bright, "c": dark}.items():
+        write(tmp_path / f"{name}.png", (28900 + image.astype(np.uint16) * 4))
+    a, b, c = (frame.grey.astype(float) for frame in open_stream(tmp_path, colour=False))
+    np.testing.assert_array_equal(a, c)
+    assert a.std() > 0.7 * dark.std()
+    assert b.std() == pytest.approx(a.std() / 8, rel=0.1)
 
 
 def test_nothing_to_read(tmp_path):
