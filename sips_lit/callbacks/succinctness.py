@@ -55,4 +55,4 @@ class SuccinctnessValidation(L.Callback):
         pl_module.log("auc", result.auc, prog_bar=True, logger=False, rank_zero_only=True)
         writer = writer_of(trainer)
         if writer is not None:
-            writer.add_figure("validation/succinctness", draw_succinctness({"SIPs": result}), trainer.global_step)
+            writer.add_figure("validation/succinctness", draw_succinctness("SIPs", result), trainer.global_step)
