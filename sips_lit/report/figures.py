@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sips_lit.evaluate.result import AtBudget, FloatArray, MethodResult, PairSetResult
-from sips_lit.render.calibration_counts import draw_calibrations
 from sips_lit.render.curves import draw_against_k, draw_pose_curves, draw_succinctness_curves
 from sips_lit.render.pose_difference import draw_pose_differences
+from sips_lit.render.reliability import draw_calibrations
 from sips_lit.render.styles import Style
 from sips_lit.report.columns import best_first
 from sips_lit.report.summary import (
