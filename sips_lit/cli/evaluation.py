@@ -32,8 +32,7 @@ from sips_lit.pairs.choice import choose_pairs
 from sips_lit.pairs.pair_file import write_pair_file
 from sips_lit.report.columns import auc_of
 from sips_lit.report.files import write_report
-from sips_lit.report.method_pictures import draw_method_pictures
-from sips_lit.report.pair_pictures import PairPicture
+from sips_lit.report.pair_pictures import PairPicture, draw_method_pictures
 from sips_lit.report.terminal import protocol_line, table
 
 CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
