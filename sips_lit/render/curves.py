@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sips_lit.metrics.succinctness import SuccinctnessResult
 from sips_lit.render.comparison import draw_comparison
@@ -77,7 +77,7 @@ def draw_against_k(
 
 
 def _draw_steps(
-    curves: Mapping[str, tuple[Floats, Floats]],
+    curves: Mapping[str, tuple[ArrayLike, ArrayLike]],
     aucs: Mapping[str, float],
     styles: Mapping[str, Style],
     legend: bool,

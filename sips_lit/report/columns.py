@@ -99,7 +99,7 @@ def _succinctness(k: int, n_max: int) -> Iterator[Column]:
         return over_repeats_deviation([succinctness(method, k, repeat).auc for repeat in range(method.n_k.shape[1])])
 
     def failures(method: MethodResult) -> float:
-        return succinctness(method, k).failures / max(method.n_k.shape[1], 1)
+        return float(succinctness(method, k).failures / max(method.n_k.shape[1], 1))
 
     definition = f"The fewest points per image with which 80 % of the pairs have {k} inliers."
     yield Column("n_at_80", "n at 80 %", definition, 0, -1, lambda method: reached(succinctness(method, k).n_at_80))

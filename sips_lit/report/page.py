@@ -77,7 +77,6 @@ def _section(index: int, result: PairSetResult, pictures: PairPictures, styles: 
         "columns": columns,
         "rows": table_rows(methods, columns),
         "skipped": result.skipped,
-        "best_first": [method.name for method in best_first(methods)],
         "charts": [
             (chart, inline_svg(chart.figure, f"set-{index}-{chart.key}", chart.title))
             for chart in charts(result, styles, legend=False)
