@@ -88,6 +88,9 @@ def test_nothing_to_draw_and_unknown_values():
     figure_to_array(draw_succinctness_curves({}, {}, {}, 10))
     unknown = {"bad": np.full(21, np.nan)}
     assert texts(draw_succinctness_curves(unknown, {"bad": np.nan}, LOOKS, 3)) == ["bad  nan"]
+    one_known = unknown | {"good + X": np.linspace(0, 1, 21)}
+    aucs = {"bad": np.nan, "good + X": 0.0}
+    assert texts(draw_succinctness_curves(one_known, aucs, LOOKS, 3)) == ["good + X  0.000", "bad  nan"]
 
 
 def test_against_k_in_order_of_k():
