@@ -98,18 +98,13 @@ class GracefulStop(L.Callback):
     def _stop(self, trainer: L.Trainer) -> NoReturn:
         raise TrainingInterrupted(f"stopped at step {trainer.global_step} and saved {self.checkpoint}")
 
-    def teardown(self, trainer: L.Trainer, pl_module: L.LightningModule, stage: str) -> None:
+    def teardown(self, *_: Any, **__: Any) -> None:
         """Gives the signals back."""
-        self._give_back()
-
-    def on_exception(self, trainer: L.Trainer, pl_module: L.LightningModule, exception: BaseException) -> None:
-        """Gives the signals back, as there is no teardown after an exception."""
-        self._give_back()
-
-    def _give_back(self) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
         self._previous.clear()
+
+    on_exception = teardown  # there is no teardown after an exception
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self.requested:

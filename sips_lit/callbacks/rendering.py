@@ -27,13 +27,7 @@ class MatchPictures(L.Callback):
         self.folder = None if folder is None else Path(folder)
 
     def on_validation_batch_end(
-        self,
-        trainer: L.Trainer,
-        pl_module: L.LightningModule,
-        outputs: Any,
-        batch: Any,
-        batch_idx: int,
-        dataloader_idx: int = 0,
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int, *_: Any
     ) -> None:
         """Draws the pair."""
         if batch_idx >= self.count or not trainer.is_global_zero:
