@@ -25,15 +25,12 @@ class PointWriter(Protocol):
     @property
     def written(self) -> str:
         """What was written so far, in words."""
-        ...
 
     def write(self, frame: Frame, keypoints: Keypoints) -> None:
         """Writes the points of a frame. Raises BadInputError when that is not possible."""
-        ...
 
     def close(self) -> None:
         """Ends the output; also called after an error."""
-        ...
 
 
 def open_writer(kind: Format, folder: Path, fps: float | None) -> PointWriter:
