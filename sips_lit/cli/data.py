@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from sips_lit.cli.app import INTERRUPTED, explain, quiet_opencv
+from sips_lit.cli.app import errors_explained
 from sips_lit.dataset_tools.check import DataSetReport, SequenceReport, check, remarks
 from sips_lit.dataset_tools.download import Offer, fetch, read_catalogue, remote_size
 from sips_lit.dataset_tools.recognise import DataSet, recognise
@@ -200,19 +200,8 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
     args = parser().parse_args(arguments)
-    quiet_opencv()
-    try:
-        code: int = args.task(args)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        code = INTERRUPTED
-    except Exception as error:
-        sentence = explain(error)
-        if sentence is None:
-            raise
-        print(f"error: {sentence}", file=sys.stderr)
-        code = 1
-    sys.exit(code)
+    with errors_explained():
+        sys.exit(args.task(args))
 
 
 if __name__ == "__main__":

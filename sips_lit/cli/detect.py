@@ -10,8 +10,7 @@ from typing import Any, get_args
 import torch
 from omegaconf import DictConfig
 
-from sips_lit.cli.app import run
-from sips_lit.cli.options import typed
+from sips_lit.cli.app import run, typed
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.detector import SipsDetector

@@ -8,8 +8,7 @@ from pathlib import Path
 import torch
 from omegaconf import DictConfig
 
-from sips_lit.cli.app import run
-from sips_lit.cli.options import typed
+from sips_lit.cli.app import run, typed
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
