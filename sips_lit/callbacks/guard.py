@@ -1,4 +1,4 @@
-"""What keeps a run safe: a stop at the first non-finite loss, and a checkpoint on Ctrl-C."""
+"""What keeps a run safe: a stop at the first non-finite loss, a checkpoint on Ctrl-C, and one after the last step."""
 
 from __future__ import annotations
 
@@ -111,6 +111,20 @@ class GracefulStop(L.Callback):
             raise KeyboardInterrupt
         self.requested = True
         print("\nstopping after this step (again: at once, without a checkpoint)", flush=True)
+
+
+class LastValidation(L.Callback):
+    """Validates, and so saves, after the last step wherever ``val_check_interval`` falls.
+
+    Otherwise the steps after the last regular validation would be in no checkpoint.
+    """
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        """Ends the fit after the last step, which makes the trainer validate."""
+        if trainer.global_step >= trainer.max_steps:
+            trainer.should_stop = True
 
 
 def _plain(batch: LabelledPair | None) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -101,10 +102,7 @@ def report(
     return "\n".join([*lines, f"wrote to {folder}: {', '.join(writer.written for writer in writers)}"])
 
 
-def main() -> None:
-    """Entry point."""
-    run("detect", detect)
-
+main = partial(run, "detect", detect)
 
 if __name__ == "__main__":
     main()

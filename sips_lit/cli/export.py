@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -84,10 +85,7 @@ def require_finite(network: ScoreNetwork, checkpoint: str) -> None:
         raise BadInputError(f"{checkpoint} holds weights that are not finite (a diverged training): use another one")
 
 
-def main() -> None:
-    """Entry point."""
-    run("export", export)
-
+main = partial(run, "export", export)
 
 if __name__ == "__main__":
     main()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -145,10 +146,7 @@ def _report(trainer: L.Trainer, data: PairDataModule, best: Path, auc: float, fo
     print(f"TensorBoard: tensorboard --logdir {outputs}")
 
 
-def main() -> None:
-    """Entry point."""
-    run("train", train)
-
+main = partial(run, "train", train)
 
 if __name__ == "__main__":
     main()
