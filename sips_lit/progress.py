@@ -39,6 +39,8 @@ def progress(
 class ProgressLines(tqdm):  # type: ignore[type-arg]
     """A tqdm bar as lines: the first after ``delay`` seconds, then one every ``seconds``; several threads may update it."""
 
+    monitor_interval = 0  # no thread that watches: a process that forks should have none
+
     def __init__(
         self,
         iterable: Any = None,
