@@ -219,29 +219,23 @@ class Detector(Protocol):
     @property
     def name(self) -> str:
         """What tables call it."""
-        ...
 
     @property
     def describes(self) -> bool:
         """Whether it has descriptors of its own."""
-        ...
 
     @property
     def scores(self) -> ScoreKind:
         """What its scores mean."""
-        ...
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points of ``image``, best first."""
-        ...
 
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
         """At most ``n`` points with the detector's own descriptors; only where ``describes`` is true."""
-        ...
 
     def score_map(self, image: GreyImage) -> FloatArray | None:
         """The score (H, W) of every pixel of ``image``, from 0 to 1, for pictures; None if it has no such map."""
-        ...
 
 
 class Descriptor(Protocol):
@@ -250,16 +244,13 @@ class Descriptor(Protocol):
     @property
     def name(self) -> str:
         """What tables call it."""
-        ...
 
     @property
     def norm(self) -> Norm:
         """How its descriptors are compared."""
-        ...
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, D) descriptors of the N keypoints, one each, whatever their distance to the border."""
-        ...
 
 
 class DisparityMatcher(Protocol):
@@ -268,7 +259,6 @@ class DisparityMatcher(Protocol):
     @property
     def parameters(self) -> Mapping[str, Any]:
         """Its thresholds, for results."""
-        ...
 
     def disparity(
         self, image: GreyImage, partner: GreyImage, xy: FloatArray, to_the_right: bool = True
@@ -277,7 +267,6 @@ class DisparityMatcher(Protocol):
 
         ``to_the_right``: the partner was taken to the right of the image.
         """
-        ...
 
 
 class PreparedCheck(Protocol):
@@ -285,7 +274,6 @@ class PreparedCheck(Protocol):
 
     def __call__(self, matches: Matches, repeat: int = 0) -> Inliers:
         """Verifies M matches between these points. A check that draws random samples draws others for each ``repeat``."""
-        ...
 
 
 class InlierCheck(Protocol):
@@ -297,35 +285,28 @@ class InlierCheck(Protocol):
 
         Then one call answers for every budget of points.
         """
-        ...
 
     @property
     def uses_frames(self) -> bool:
         """Whether it looks at the frames between the two images; without it they need not be read."""
-        ...
 
     @property
     def uses_depth(self) -> bool:
         """Whether it needs depth maps, or right images where there are none; without it they need not be read."""
-        ...
 
     @property
     def stereo(self) -> DisparityMatcher | None:
         """How it wants depth to be found where there are stereo partners instead of maps; None if it does not care."""
-        ...
 
     @property
     def protocol(self) -> Mapping[str, Any]:
         """The method and its thresholds, for results."""
-        ...
 
     def prepare(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints) -> PreparedCheck:
         """Does what depends on the points alone, for any number of sets of matches between them.
 
         Depth that the keypoints bring is taken as it is. Raises BadInputError for a pair that it cannot verify.
         """
-        ...
 
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Verifies M matches between the points of both images; raises as `prepare`."""
-        ...

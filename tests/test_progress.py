@@ -1,6 +1,7 @@
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -9,14 +10,14 @@ from streams import Clock, Stream
 from tqdm import tqdm
 
 import sips_lit.progress
-from sips_lit.progress import LineClock, ProgressLines, duration, progress, time_left
+from sips_lit.progress import ProgressLines, duration, progress, time_left
 
 
 def written(seconds_per_item: float, items: int = 40, **options) -> list[tuple[float, str]]:
     """When which line was written, for items that take equally long."""
     clock, stream = Clock(), Stream(terminal=False)
     lines = ProgressLines(
-        **{"iterable": range(items), "desc": "index", "unit": "frame", **options}, stream=stream, clock=clock
+        **{"iterable": range(items), "desc": "index", "unit": " frames", **options}, file=stream, clock=clock
     )
     start, seen = clock.now, []
     for _ in lines:
@@ -66,7 +67,7 @@ def test_without_a_total_or_with_one_that_is_wrong(total):
 
 def test_bytes_are_megabytes():
     clock, stream = Clock(), Stream(terminal=False)
-    with ProgressLines(None, "kitti.zip", "B", 200e6, stream=stream, clock=clock) as lines:
+    with ProgressLines(desc="kitti.zip", unit="B", unit_scale=True, total=200e6, file=stream, clock=clock) as lines:
         clock.now += 5
         lines.update(12_340_000)
     assert stream.lines == ["kitti.zip: 12.3/200.0 MB (6 %), 76 s left"]
@@ -74,7 +75,7 @@ def test_bytes_are_megabytes():
 
 def test_a_total_may_grow():
     clock, stream = Clock(), Stream(terminal=False)
-    lines = ProgressLines(None, "frames", "frame", 0, stream=stream, clock=clock)
+    lines = ProgressLines(desc="frames", unit=" frames", total=0, file=stream, clock=clock)
     lines.total += 50
     clock.now += 4
     lines.update(10)
@@ -83,7 +84,7 @@ def test_a_total_may_grow():
 
 def test_threads_share_a_display():
     clock, stream = Clock(), Stream(terminal=False)
-    lines = ProgressLines(None, "frames", "frame", 4000, stream=stream, clock=clock)
+    lines = ProgressLines(desc="frames", unit=" frames", total=4000, file=stream, clock=clock)
     clock.now += 3
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(lambda _: [lines.update() for _ in range(500)], range(8)))
@@ -140,24 +141,24 @@ def test_errors_pass_through(monkeypatch, terminal):
         raise ValueError("mine")
 
 
+def due(waits: Iterable[float]) -> list[bool]:
+    """Whether a line is written after each wait; the first is due after one second, others five after the last."""
+    clock, stream = Clock(), Stream(terminal=False)
+    lines, written = ProgressLines(delay=1, seconds=5, file=stream, clock=clock), []
+    for wait in waits:
+        clock.now += wait
+        before = len(stream.lines)
+        lines.update(0)
+        written.append(len(stream.lines) > before)
+    return written
+
+
 def test_lines_are_due_by_the_clock():
-    clock = Clock()
-    lines = LineClock(delay=1, seconds=5, clock=clock)
-    due = []
-    for _ in range(14):
-        due.append(lines.due())
-        clock.now += 1
-    assert [when for when, yes in enumerate(due) if yes] == [1, 6, 11]
-    assert lines.elapsed == 14
+    assert [when for when, yes in enumerate(due([0, *[1] * 13])) if yes] == [1, 6, 11]
 
 
 def test_a_late_line_delays_the_next():
-    clock = Clock()
-    lines, due = LineClock(delay=1, seconds=5, clock=clock), []
-    for wait in (13, 3, 2, 4):
-        clock.now += wait
-        due.append(lines.due())
-    assert due == [True, False, True, False]
+    assert due((13, 3, 2, 4)) == [True, False, True, False]
 
 
 @pytest.mark.parametrize(
@@ -180,6 +181,6 @@ def test_it_does_not_load_torch():
 def test_every_bar_of_the_package_is_made_here():
     package = Path(sips_lit.progress.__file__).parent
     with_bars = [
-        path.relative_to(package) for path in package.rglob("*.py") if re.search(r"\btqdm\(", path.read_text())
+        path.relative_to(package) for path in package.rglob("*.py") if re.search(r"\btqdm( if|\()", path.read_text())
     ]
     assert with_bars == [Path("progress.py")]

@@ -28,13 +28,7 @@ class CalibrationValidation(L.Callback):
         self.metric.reset()
 
     def on_validation_batch_end(
-        self,
-        trainer: L.Trainer,
-        pl_module: L.LightningModule,
-        outputs: Any,
-        batch: Any,
-        batch_idx: int,
-        dataloader_idx: int = 0,
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, *_: Any, **__: Any
     ) -> None:
         """Adds the points of both images of a pair."""
         assert isinstance(outputs, VerifiedPair)

@@ -1,4 +1,4 @@
-"""What keeps a run safe: a stop at the first non-finite loss, and a checkpoint on Ctrl-C."""
+"""What keeps a run safe: a stop at the first non-finite loss, a checkpoint on Ctrl-C, and one after the last step."""
 
 from __future__ import annotations
 
@@ -98,24 +98,33 @@ class GracefulStop(L.Callback):
     def _stop(self, trainer: L.Trainer) -> NoReturn:
         raise TrainingInterrupted(f"stopped at step {trainer.global_step} and saved {self.checkpoint}")
 
-    def teardown(self, trainer: L.Trainer, pl_module: L.LightningModule, stage: str) -> None:
+    def teardown(self, *_: Any, **__: Any) -> None:
         """Gives the signals back."""
-        self._give_back()
-
-    def on_exception(self, trainer: L.Trainer, pl_module: L.LightningModule, exception: BaseException) -> None:
-        """Gives the signals back, as there is no teardown after an exception."""
-        self._give_back()
-
-    def _give_back(self) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
         self._previous.clear()
+
+    on_exception = teardown  # there is no teardown after an exception
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self.requested:
             raise KeyboardInterrupt
         self.requested = True
         print("\nstopping after this step (again: at once, without a checkpoint)", flush=True)
+
+
+class LastValidation(L.Callback):
+    """Validates, and so saves, after the last step wherever ``val_check_interval`` falls.
+
+    Otherwise the steps after the last regular validation would be in no checkpoint.
+    """
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        """Ends the fit after the last step, which makes the trainer validate."""
+        if trainer.global_step >= trainer.max_steps:
+            trainer.should_stop = True
 
 
 def _plain(batch: LabelledPair | None) -> dict[str, Any]:

@@ -27,13 +27,7 @@ class MatchPictures(L.Callback):
         self.folder = None if folder is None else Path(folder)
 
     def on_validation_batch_end(
-        self,
-        trainer: L.Trainer,
-        pl_module: L.LightningModule,
-        outputs: Any,
-        batch: Any,
-        batch_idx: int,
-        dataloader_idx: int = 0,
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int, *_: Any
     ) -> None:
         """Draws the pair."""
         if batch_idx >= self.count or not trainer.is_global_zero:
@@ -41,18 +35,10 @@ class MatchPictures(L.Callback):
         assert isinstance(outputs, VerifiedPair)
         network = pl_module.network
         assert isinstance(network, ScoreNetwork)
-        pair = outputs.pair
+        pair, best0, best1 = outputs.pair, outputs.features0.best(self.n), outputs.features1.best(self.n)
         matches, inliers = outputs.at(self.n)
-        picture = draw_matches(
-            pair.image0,
-            pair.image1,
-            outputs.features0.best(self.n).keypoints,
-            outputs.features1.best(self.n).keypoints,
-            matches,
-            inliers,
-            score_map(network, pair.image0),
-            score_map(network, pair.image1),
-        )
+        maps = [score_map(network, image) for image in (pair.image0, pair.image1)]
+        picture = draw_matches(pair.image0, pair.image1, best0.keypoints, best1.keypoints, matches, inliers, *maps)
         writer = writer_of(trainer)
         if writer is not None:
             writer.add_image(f"matches/{batch_idx}", picture, trainer.global_step, dataformats="HWC")

@@ -29,13 +29,7 @@ class SuccinctnessValidation(L.Callback):
         self.metric.reset()
 
     def on_validation_batch_end(
-        self,
-        trainer: L.Trainer,
-        pl_module: L.LightningModule,
-        outputs: Any,
-        batch: Any,
-        batch_idx: int,
-        dataloader_idx: int = 0,
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, *_: Any, **__: Any
     ) -> None:
         """Adds a pair."""
         assert isinstance(outputs, VerifiedPair)
@@ -55,4 +49,4 @@ class SuccinctnessValidation(L.Callback):
         pl_module.log("auc", result.auc, prog_bar=True, logger=False, rank_zero_only=True)
         writer = writer_of(trainer)
         if writer is not None:
-            writer.add_figure("validation/succinctness", draw_succinctness({"SIPs": result}), trainer.global_step)
+            writer.add_figure("validation/succinctness", draw_succinctness("SIPs", result), trainer.global_step)

@@ -9,10 +9,5 @@ from torch.utils.tensorboard import SummaryWriter
 
 def writer_of(trainer: L.Trainer) -> SummaryWriter | None:
     """Where figures and pictures of this run go; None without a TensorBoard logger and on processes but the first."""
-    if not trainer.is_global_zero:
-        return None
-    for logger in trainer.loggers:
-        if isinstance(logger, TensorBoardLogger):
-            writer: SummaryWriter = logger.experiment
-            return writer
-    return None
+    loggers = trainer.loggers if trainer.is_global_zero else []
+    return next((logger.experiment for logger in loggers if isinstance(logger, TensorBoardLogger)), None)

@@ -7,17 +7,19 @@ import logging
 import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException, InstantiationException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import InterpolationToMissingValueError, MissingMandatoryValue
+from omegaconf.errors import InterpolationToMissingValueError, MissingMandatoryValue, ValidationError
 
+from sips_lit.cli.arguments import as_typed
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -25,6 +27,7 @@ CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent /
 INTERRUPTED = 130
 # what a constructor raises for values that it can't take; by name, since not every command loads Lightning
 REFUSED = ("TypeError", "ValueError", "MisconfigurationException")
+Options = TypeVar("Options")
 _LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
 
 
@@ -35,31 +38,18 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     fails does not stop the others.
     """
     warnings.filterwarnings("ignore", module="lightning")
-    plain_warnings()
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     register_resolvers()
+    try:
+        sys.argv[1:] = as_typed(sys.argv[1:])
+    except BadInputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(1)
 
     def command(config: DictConfig) -> Any:
         register_resolvers()  # a launcher may have started another process
-        quiet_opencv()
-        try:
+        with errors_explained(config):
             return task(config)
-        except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
-            sys.exit(INTERRUPTED)
-        except SystemExit as stop:
-            # what Lightning makes of a Ctrl-C during a fit
-            sys.exit(INTERRUPTED if isinstance(stop.__context__, KeyboardInterrupt) else stop.code)
-        except Exception as error:
-            sentence = explain(error, config)
-            if sentence is None:
-                raise
-            print(f"error: {sentence}", file=sys.stderr)
-            if isinstance(error, TrainingInterrupted):
-                sys.exit(INTERRUPTED)
-            if HydraConfig.get().mode == RunMode.MULTIRUN:
-                raise JobFailed(f"a job failed: {sentence}") from None  # an exit would end the jobs that are to come
-            sys.exit(1)
 
     command.__module__, command.__qualname__ = __name__, config_name
     hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
@@ -67,24 +57,43 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
 def plain_warnings() -> None:
     """Prints each warning about the input once, as a sentence without the line of code that it comes from."""
-    default = warnings.formatwarning
+    show = warnings.showwarning
 
-    def sentence(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> str:
-        return (
-            f"warning: {message}\n"
-            if issubclass(category, InputWarning)
-            else default(message, category, *where, **more)
-        )
+    def sentence(message: Warning | str, category: type[Warning], *where: Any) -> None:
+        if issubclass(category, InputWarning):
+            print(f"warning: {message}", file=sys.stderr)
+        else:
+            show(message, category, *where)
 
-    warnings.formatwarning = sentence
+    warnings.showwarning = sentence
     warnings.simplefilter("once", InputWarning)
 
 
-def quiet_opencv() -> None:
-    """Silences OpenCV's lines about its decoders: our own messages say which image is damaged."""
+@contextmanager
+def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
+    """Ends the program as `run` says; ``config`` is that of a Hydra command. OpenCV's own lines about damaged images go."""
     import cv2
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    plain_warnings()
+    try:
+        yield
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    except SystemExit as stop:
+        # what Lightning makes of a Ctrl-C during a fit
+        sys.exit(INTERRUPTED if isinstance(stop.__context__, KeyboardInterrupt) else stop.code)
+    except Exception as error:
+        sentence = explain(error, config)
+        if sentence is None:
+            raise
+        print(f"error: {sentence}", file=sys.stderr)
+        if isinstance(error, TrainingInterrupted):
+            sys.exit(INTERRUPTED)
+        if config is not None and HydraConfig.get().mode == RunMode.MULTIRUN:
+            raise JobFailed(f"a job failed: {sentence}") from None  # an exit would end the jobs that are to come
+        sys.exit(1)
 
 
 class JobFailed(CompactHydraException):
@@ -94,6 +103,19 @@ class JobFailed(CompactHydraException):
 def build(node: DictConfig, **extra: Any) -> Any:
     """What a node of the configuration describes; ``extra`` adds constructor arguments."""
     return hydra.utils.instantiate(node, _convert_="all", **extra)
+
+
+def typed(config: DictConfig, options: type[Options]) -> Options:
+    """The configuration of a command of plain keys, as an instance of the dataclass ``options``, which has the same keys.
+
+    Raises BadInputError for a value of the wrong type, MissingMandatoryValue for a key that is not set.
+    """
+    for key in sorted(OmegaConf.missing_keys(config)):
+        OmegaConf.select(config, key, throw_on_missing=True)
+    try:
+        return cast(Options, OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(options), config)))
+    except ValidationError as error:
+        raise BadInputError(f"{error.full_key} has a value of the wrong type: {str(error).splitlines()[0]}") from error
 
 
 def register_resolvers() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -18,10 +19,7 @@ def benchmark(config: DictConfig) -> float:
     return best_auc(run_evaluation(config, methods, skipped, Path(config.paths.run)))
 
 
-def main() -> None:
-    """Entry point."""
-    run("benchmark", benchmark)
-
+main = partial(run, "benchmark", benchmark)
 
 if __name__ == "__main__":
     main()

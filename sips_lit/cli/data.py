@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from tabulate import tabulate
 
-from sips_lit.cli.app import INTERRUPTED, explain, quiet_opencv
+from sips_lit.cli.app import errors_explained
 from sips_lit.dataset_tools.check import DataSetReport, SequenceReport, check, remarks
 from sips_lit.dataset_tools.download import Offer, fetch, read_catalogue, remote_size
 from sips_lit.dataset_tools.recognise import DataSet, recognise
@@ -26,18 +26,16 @@ from sips_lit.types import ImageSequence
 SHOWN = 30  # sequences and remarks that are printed of a data set
 
 
-def check_command(args: argparse.Namespace) -> int:
-    """Recognises, opens everything, reports. 1 if something does not open."""
-    found = recognise(args.path)
+def check_command(args: argparse.Namespace) -> None:
+    """Recognises, opens everything, reports. Raises BadInputError if something does not open."""
     whole = True
-    for dataset in found:
+    for dataset in recognise(args.path):
         with progress(desc=f"opening {dataset.path.name}", unit="frame") as bar:
             report = check(dataset, bar.update)
         print(describe(report) + "\n")
         whole &= report.whole
     if not whole:
-        print("error: some of the data does not open: see above", file=sys.stderr)
-    return 0 if whole else 1
+        raise BadInputError("some of the data does not open: see above")
 
 
 def describe(report: DataSetReport) -> str:
@@ -45,22 +43,22 @@ def describe(report: DataSetReport) -> str:
     dataset = report.dataset
     lines = [f"{dataset.path}: {dataset.spec.title} (known by {dataset.sign}), {report.bytes / 1e6:,.1f} MB"]
     if report.sequences:
-        table = tabulate(
-            [sequence_row(s) for s in report.sequences[:SHOWN]],
-            headers=["sequence", "frames", "size", "frames/s", "has", "camera moves"],
-            tablefmt="pipe",
-            disable_numparse=True,
-        )
-        lines += [table]
-        if len(report.sequences) > SHOWN:
-            frames = sum(s.frames for s in report.sequences)
-            lines += [f"... {len(report.sequences)} sequences in all, {frames} frames"]
+        lines.append(table([sequence_row(s) for s in report.sequences[:SHOWN]]))
+    if len(report.sequences) > SHOWN:
+        frames = sum(s.frames for s in report.sequences)
+        lines.append(f"... {len(report.sequences)} sequences in all, {frames} frames")
     said = remarks(report)
     lines += [f"- {remark}" for remark in said[:SHOWN]]
     if len(said) > SHOWN:
-        lines += [f"- and {len(said) - SHOWN} more remarks"]
-    lines += [how_to_use(dataset)] if not report.problems else []
+        lines.append(f"- and {len(said) - SHOWN} more remarks")
+    if not report.problems:
+        lines.append(how_to_use(dataset))
     return "\n".join(lines)
+
+
+def table(rows: Sequence[Mapping[str, str]]) -> str:
+    """Rows by column, as Markdown."""
+    return tabulate(rows, headers="keys", tablefmt="pipe", disable_numparse=True)
 
 
 def how_to_use(dataset: DataSet) -> str:
@@ -71,90 +69,78 @@ def how_to_use(dataset: DataSet) -> str:
     return " ".join([f"use: sips-train data={spec.kind} data.path={dataset.path}", *options, *inliers, *spec.keys])
 
 
-def sequence_row(sequence: SequenceReport) -> list[str]:
+def sequence_row(sequence: SequenceReport) -> dict[str, str]:
     """One line of the table."""
-    size = " ".join(f"{w}x{h}" for (w, h), _ in sequence.sizes.most_common(2))
-    more = " ..." if len(sequence.sizes) > 2 else ""
+    sizes = [f"{w}x{h}" for (w, h), _ in sequence.sizes.most_common(2)]
     path = "" if sequence.path_metres is None else f"{sequence.path_metres:.2f} m, {sequence.turn_degrees:.1f} deg"
-    has = ", ".join(part for part in sequence.parts) or "images"
-    rate = "" if sequence.rate is None else f"{sequence.rate:.1f}"
-    return [sequence.name, str(sequence.frames), size + more, rate, has, path]
+    return {
+        "sequence": sequence.name,
+        "frames": str(sequence.frames),
+        "size": " ".join(sizes) + (" ..." if len(sequence.sizes) > 2 else ""),
+        "frames/s": "" if sequence.rate is None else f"{sequence.rate:.1f}",
+        "has": ", ".join(sequence.parts) or "images",
+        "camera moves": path,
+    }
 
 
-def stats_command(args: argparse.Namespace) -> int:
-    """Builds the overlap index where it is missing; prints a table and writes a picture. 1 if frames can't be read."""
-    sequences = [s for dataset in recognise(args.path) for s in open_sequences(dataset, args.cache)]
+def stats_command(args: argparse.Namespace) -> None:
+    """Builds the overlap index where it is missing; prints a table and writes a picture.
+
+    Raises BadInputError at the end if frames can't be read.
+    """
+    sequences: list[ImageSequence] = []
+    for dataset in recognise(args.path):
+        decoded = {"cache_dir": args.cache / "frames"} if dataset.spec.videos else {}
+        sequences += dataset.sequences(**decoded)
     indexes = build_indexes(sequences, args.cache / "indexes", OverlapParameters(), args.workers)
     pairs = zip(sequences, indexes, strict=True)
     stats = [sequence_stats(s, i) for s, i in progress(pairs, desc="motion", unit="sequence", total=len(sequences))]
-    print(stats_table(stats))
+    print(
+        f"{table([stats_row(s) for s in stats])}\n\n"
+        "+n: median overlap with the frame n later; reach: median number of later frames with at least that overlap;\n"
+        "pixels, metres, degrees: median motion to the next frame"
+    )
     args.output.parent.mkdir(parents=True, exist_ok=True)
     draw_stats(stats).savefig(args.output)
     print(f"\nwrote {args.output}")
     reasons = unreadable_frames(indexes)
     if reasons:
-        print(
-            f"error: frames can't be read and are left out ({len(reasons)}); the first: {reasons[0]}", file=sys.stderr
-        )
-    return 1 if reasons else 0
+        raise BadInputError(f"frames can't be read and are left out ({len(reasons)}); the first: {reasons[0]}")
 
 
-def open_sequences(dataset: DataSet, cache: Path) -> list[ImageSequence]:
-    """The sequences of a data set; videos are decoded into the cache."""
-    return dataset.sequences(**({"cache_dir": cache / "frames"} if dataset.spec.videos else {}))
-
-
-def stats_table(stats: Sequence[SequenceStats]) -> str:
+def stats_row(stats: SequenceStats) -> dict[str, str]:
     """Median overlap by the distance of frames, reach, and motion between neighbours."""
-    headers = [
-        "sequence",
-        "frames",
-        *(f"+{gap}" for gap in GAPS),
-        "reach 0.3",
-        "reach 0.5",
-        "pixels",
-        "metres",
-        "degrees",
-    ]
-    rows = [
-        [
-            s.name,
-            str(s.frames),
-            *("" if np.isnan(value) else f"{value:.2f}" for value in s.overlap[:, 1]),
-            f"{np.median(s.reach_training):.0f}",
-            f"{np.median(s.reach_testing):.0f}",
-            *(f"{np.median(values):.3g}" if len(values) else "" for values in (s.pixels, s.metres, s.degrees)),
-        ]
-        for s in stats
-    ]
-    note = (
-        "+n: median overlap with the frame n later; reach: median number of later frames with at least that overlap;\n"
-    )
-    note += "pixels, metres, degrees: median motion to the next frame"
-    return f"{tabulate(rows, headers=headers, tablefmt='pipe', disable_numparse=True)}\n\n{note}"
+    motion = {"pixels": stats.pixels, "metres": stats.metres, "degrees": stats.degrees}
+    return {
+        "sequence": stats.name,
+        "frames": str(stats.frames),
+        **{f"+{gap}": "" if np.isnan(m) else f"{m:.2f}" for gap, m in zip(GAPS, stats.overlap[:, 1], strict=True)},
+        "reach 0.3": f"{np.median(stats.reach_training):.0f}",
+        "reach 0.5": f"{np.median(stats.reach_testing):.0f}",
+        **{name: f"{np.median(values):.3g}" if len(values) else "" for name, values in motion.items()},
+    }
 
 
-def download_command(args: argparse.Namespace) -> int:
+def download_command(args: argparse.Namespace) -> None:
     """Says the size, and with --yes (or a yes on the terminal) fetches and unpacks."""
     offers = read_catalogue(args.catalogue) if args.catalogue else read_catalogue()
     if args.name is None:
         rows = [[o.name, f"{o.bytes / 1e9:.2f} GB", o.title, o.page] for o in offers.values()]
         print(tabulate(rows, headers=["name", "about", "what", "page (licence)"], tablefmt="pipe"))
-        return 0
-    if args.name not in offers:
+    elif args.name not in offers:
         raise BadInputError(f"there is no data set {args.name} to download: choose among {', '.join(offers)}")
-    return download(offers[args.name], args.output, args.yes)
+    else:
+        download(offers[args.name], args.output, args.yes)
 
 
-def download(offer: Offer, output: Path, yes: bool, ask: Callable[[str], str] = input) -> int:
-    """Fetches and unpacks an offer into ``output / name``."""
+def download(offer: Offer, output: Path, yes: bool) -> None:
+    """Fetches and unpacks an offer into ``output / name``. Raises BadInputError without a yes."""
     sizes = [remote_size(file.url) or file.bytes for file in offer.files]
     folder = output / offer.name
     print(f"{offer.title}\nlicence and terms: {offer.page}")
     print(f"to download: {sum(sizes) / 1e9:.2f} GB in {len(sizes)} file(s) to {folder.resolve()}")
-    if not yes and not (sys.stdin.isatty() and ask("go on? [y/N] ").strip().lower() in ("y", "yes")):
-        print("error: nothing was downloaded: add --yes to go on", file=sys.stderr)
-        return 1
+    if not yes and not (sys.stdin.isatty() and input("go on? [y/N] ").strip().lower() in ("y", "yes")):
+        raise BadInputError("nothing was downloaded: add --yes to go on")
     for file in offer.files:
         done = folder / f".{file.name}.unpacked"
         if done.exists():
@@ -167,7 +153,6 @@ def download(offer: Offer, output: Path, yes: bool, ask: Callable[[str], str] = 
         archive.unlink()
     for dataset in recognise(folder / offer.path):
         print(how_to_use(dataset))
-    return 0
 
 
 def parser() -> argparse.ArgumentParser:
@@ -200,19 +185,9 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
     args = parser().parse_args(arguments)
-    quiet_opencv()
-    try:
-        code: int = args.task(args)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        code = INTERRUPTED
-    except Exception as error:
-        sentence = explain(error)
-        if sentence is None:
-            raise
-        print(f"error: {sentence}", file=sys.stderr)
-        code = 1
-    sys.exit(code)
+    with errors_explained():
+        args.task(args)
+    sys.exit(0)
 
 
 if __name__ == "__main__":

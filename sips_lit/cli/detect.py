@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
 import torch
 from omegaconf import DictConfig
 
-from sips_lit.cli.app import run
-from sips_lit.cli.options import typed
+from sips_lit.cli.app import run, typed
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.detector import SipsDetector
@@ -102,10 +102,7 @@ def report(
     return "\n".join([*lines, f"wrote to {folder}: {', '.join(writer.written for writer in writers)}"])
 
 
-def main() -> None:
-    """Entry point."""
-    run("detect", detect)
-
+main = partial(run, "detect", detect)
 
 if __name__ == "__main__":
     main()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -16,10 +17,7 @@ def evaluate(config: DictConfig) -> float:
     return best_auc(run_evaluation(config, [configured_method(config)], {}, Path(config.paths.run)))
 
 
-def main() -> None:
-    """Entry point."""
-    run("evaluate", evaluate)
-
+main = partial(run, "evaluate", evaluate)
 
 if __name__ == "__main__":
     main()

@@ -32,8 +32,7 @@ from sips_lit.pairs.choice import choose_pairs
 from sips_lit.pairs.pair_file import write_pair_file
 from sips_lit.report.columns import auc_of
 from sips_lit.report.files import write_report
-from sips_lit.report.method_pictures import draw_method_pictures
-from sips_lit.report.pair_pictures import PairPicture
+from sips_lit.report.pair_pictures import PairPicture, draw_method_pictures
 from sips_lit.report.terminal import protocol_line, table
 
 CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
@@ -57,10 +56,14 @@ def run_evaluation(
     pictures: dict[tuple[str, str], Sequence[PairPicture]] = {}
     cache = Path(config.features)
     for pairs, measures in make_pair_sets(config, folder):
-        result = evaluate_pair_set(methods, pairs, measures, cache, config.workers, told({}))
-        results.append(_with_skipped(result, skipped))
-        print(f"\n{pairs.title}\n\n{table(results[-1])}\n\n{protocol_line(results[-1])}")
-        print("".join(f"sanitised: {name}: {mended}\n" for name, mended in _mended(result).items()), end="")
+        measured = evaluate_pair_set(methods, pairs, measures, cache, config.workers, told({}))
+        result = replace(measured, skipped={**skipped, **measured.skipped})
+        results.append(result)
+        print(f"\n{pairs.title}\n\n{table(result)}\n\n{protocol_line(result)}")
+        for method in result.detectors:
+            mended = str(Defects(**method.defects))
+            if mended:
+                print(f"sanitised: {method.name}: {mended}")
         videos += write_videos(folder / safe_name(pairs.key), methods, pairs, measures.n, config.video_frames)
         if config.pictures:
             drawn = draw_method_pictures(result.detectors, methods, pairs, measures, cache)
@@ -78,16 +81,6 @@ def _listed(folder: Path, files: Sequence[Path]) -> list[str]:
     inside = Counter(file.relative_to(folder).parts[0] for file in files if file.parent != folder)
     own = [str(file) for file in files if file.parent == folder and file.name not in inside]
     return own + [f"{folder / name}/ ({count} {'file' if count == 1 else 'files'})" for name, count in inside.items()]
-
-
-def _with_skipped(result: PairSetResult, skipped: Mapping[str, str]) -> PairSetResult:
-    return replace(result, skipped={**skipped, **result.skipped})
-
-
-def _mended(result: PairSetResult) -> dict[str, str]:
-    """What had to be mended of each method's points, in words."""
-    found = {method.name: str(Defects(**method.defects)) for method in result.detectors}
-    return {name: words for name, words in found.items() if words}
 
 
 def told(skipped: dict[str, str]) -> Callable[[str, str], None]:

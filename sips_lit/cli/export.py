@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
 from omegaconf import DictConfig
 
-from sips_lit.cli.app import run
-from sips_lit.cli.options import typed
+from sips_lit.cli.app import run, typed
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
@@ -85,10 +85,7 @@ def require_finite(network: ScoreNetwork, checkpoint: str) -> None:
         raise BadInputError(f"{checkpoint} holds weights that are not finite (a diverged training): use another one")
 
 
-def main() -> None:
-    """Entry point."""
-    run("export", export)
-
+main = partial(run, "export", export)
 
 if __name__ == "__main__":
     main()

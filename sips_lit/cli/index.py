@@ -96,10 +96,7 @@ def report(rows: list[IndexedSequence], overlap: float) -> str:
     return "\n".join([text, *([""] if problems else []), *problems[:SHOWN], *hidden])
 
 
-def main() -> None:
-    """Entry point."""
-    run("index", index)
-
+main = partial(run, "index", index)
 
 if __name__ == "__main__":
     main()

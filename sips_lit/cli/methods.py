@@ -77,12 +77,10 @@ def make_methods(config: DictConfig, on_skip: Callable[[str, str], None]) -> lis
     A detector that can't be made (a missing package, weight or checkpoint) is passed to ``on_skip`` with the reason. Raises
     BadInputError as `parse_entries` does.
     """
-    entries = parse_entries(config.detectors)
-    nodes = [_detector_node(entry) for entry in entries]
+    entries = [(entry, _with_detector(config, entry)) for entry in parse_entries(config.detectors)]
     descriptor: Descriptor | None = build(config.descriptor)
     methods = []
-    for entry, node in zip(entries, nodes, strict=True):
-        whole = _with_detector(config, node)
+    for entry, whole in entries:
         try:
             detector: Detector = build(whole.detector)
         except Exception as error:
@@ -127,33 +125,26 @@ def _entry(item: Any, known: list[str]) -> Entry:
     return Entry(item, overrides or {})
 
 
-def _detector_node(entry: Entry) -> DictConfig:
-    """The configuration of the detector with its overrides, unresolved.
+def _with_detector(config: DictConfig, entry: Entry) -> DictConfig:
+    """The whole configuration with an entry as its detector, unresolved, as it may refer to the rest.
 
-    Any argument of its constructor may be set, whether or not the file names it.
+    Any argument of the detector's constructor may be set, whether or not its file names it.
     """
-    if "_target_" in entry.overrides:
-        return OmegaConf.create(dict(entry.overrides))
-    overrides = [*_searchpath(), f"detector={entry.detector}"]
-    loader = GlobalHydra.instance().config_loader()
-    node = loader.load_configuration("evaluate", overrides, RunMode.RUN, from_shell=False).detector
-    known = list(inspect.signature(hydra.utils.get_object(node["_target_"])).parameters)
-    unknown = next((key for key in entry.overrides if key not in known), None)
-    if unknown is not None:
-        has = ", ".join(known) or "none"
-        raise BadInputError(f"detectors sets {unknown} of {entry.detector}, which has no such key: it has {has}")
-    with open_dict(node):
-        node.merge_with(dict(entry.overrides))
-    node._set_parent(None)
-    assert isinstance(node, DictConfig)
-    return node
-
-
-def _with_detector(config: DictConfig, node: DictConfig) -> DictConfig:
-    """The whole configuration with that of a detector in it, which may refer to it."""
+    node = OmegaConf.create({})
+    if "_target_" not in entry.overrides:
+        overrides = [*_searchpath(), f"detector={entry.detector}"]
+        loader = GlobalHydra.instance().config_loader()
+        node = loader.load_configuration("evaluate", overrides, RunMode.RUN, from_shell=False).detector
+        node._set_parent(None)
+        known = list(inspect.signature(hydra.utils.get_object(node["_target_"])).parameters)
+        unknown = next((key for key in entry.overrides if key not in known), None)
+        if unknown is not None:
+            has = ", ".join(known) or "none"
+            raise BadInputError(f"detectors sets {unknown} of {entry.detector}, which has no such key: it has {has}")
     whole = config.copy()
     with open_dict(whole):
         whole.detector = node
+        whole.detector.merge_with(dict(entry.overrides))
     return whole
 
 

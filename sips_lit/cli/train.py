@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
 from sips_lit.cli.app import build, run
-from sips_lit.cli.evaluation import run_evaluation, told
-from sips_lit.cli.methods import make_methods
+from sips_lit.cli.benchmark import benchmark
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
@@ -48,7 +48,9 @@ def train(config: DictConfig) -> float:
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
         if config.compare is not None:
-            compare(config, best)
+            compared = comparison(config, best)
+            compared.paths.run = str(Path(config.paths.run) / "compare")
+            benchmark(compared)
     return auc
 
 
@@ -59,15 +61,8 @@ def make_callbacks(config: DictConfig) -> list[L.Callback]:
     return [callback for callback in callbacks if not (silent and isinstance(callback, ProgressBar))]
 
 
-def compare(config: DictConfig, checkpoint: Path) -> None:
-    """Evaluates the checkpoint beside other detectors, by ``compare``, which has the keys of sips-benchmark."""
-    evaluation, skipped = comparison(config, checkpoint), dict[str, str]()
-    methods = make_methods(evaluation, told(skipped))
-    run_evaluation(evaluation, methods, skipped, Path(config.paths.run) / "compare")
-
-
 def comparison(config: DictConfig, checkpoint: Path) -> DictConfig:
-    """``compare`` as a configuration of its own, of this checkpoint."""
+    """``compare``, which has the keys of sips-benchmark, as a configuration of its own, of this checkpoint."""
     keys: Any = OmegaConf.to_container(config.compare, resolve=True)
     return OmegaConf.create({**keys, "checkpoint": str(checkpoint), "paths": config.paths})
 
@@ -151,10 +146,7 @@ def _report(trainer: L.Trainer, data: PairDataModule, best: Path, auc: float, fo
     print(f"TensorBoard: tensorboard --logdir {outputs}")
 
 
-def main() -> None:
-    """Entry point."""
-    run("train", train)
-
+main = partial(run, "train", train)
 
 if __name__ == "__main__":
     main()

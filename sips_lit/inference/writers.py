@@ -25,15 +25,13 @@ class PointWriter(Protocol):
     @property
     def written(self) -> str:
         """What was written so far, in words."""
-        ...
 
     def write(self, frame: Frame, keypoints: Keypoints) -> None:
         """Writes the points of a frame. Raises BadInputError when that is not possible."""
-        ...
 
     def close(self) -> None:
-        """Ends the output; also called after an error."""
-        ...
+        """Ends the output, where something is open; also called after an error."""
+        return
 
 
 def open_writer(kind: Format, folder: Path, fps: float | None) -> PointWriter:
@@ -45,7 +43,7 @@ def open_writer(kind: Format, folder: Path, fps: float | None) -> PointWriter:
     return PictureWriter(folder / "overlay") if fps is None else VideoWriter(folder / "overlay.mp4", fps)
 
 
-class NpzWriter:
+class NpzWriter(PointWriter):
     """``<frame>.npz`` with ``keypoints`` (N, 2), ``scores`` (N,), ``scales`` (N,), float32, and ``image_size`` (W, H)."""
 
     def __init__(self, folder: Path) -> None:
@@ -59,20 +57,10 @@ class NpzWriter:
 
     def write(self, frame: Frame, keypoints: Keypoints) -> None:
         """Writes one file."""
-        height, width = frame.grey.shape
-        buffer = io.BytesIO()
-        np.savez(
-            buffer,
-            keypoints=keypoints.xy,
-            scores=keypoints.score,
-            scales=keypoints.scale,
-            image_size=np.array([width, height], np.int64),
-        )
+        buffer, size = io.BytesIO(), np.array(frame.grey.shape[::-1], np.int64)
+        np.savez(buffer, keypoints=keypoints.xy, scores=keypoints.score, scales=keypoints.scale, image_size=size)
         write_whole(self.folder / f"{frame.name}.npz", buffer.getvalue())
         self.files += 1
-
-    def close(self) -> None:
-        """Nothing is left open."""
 
 
 class CsvWriter:
@@ -112,7 +100,7 @@ class CsvWriter:
             raise BadInputError(f"cannot write {self.path} ({error.strerror}): free some space") from error
 
 
-class PictureWriter:
+class PictureWriter(PointWriter):
     """``<folder>/<frame>.png``: the frame with its points."""
 
     def __init__(self, folder: Path) -> None:
@@ -129,9 +117,6 @@ class PictureWriter:
         picture = cv2.cvtColor(draw_points(frame.picture, keypoints), cv2.COLOR_RGB2BGR)
         write_whole(self.folder / f"{frame.name}.png", cv2.imencode(".png", picture)[1].tobytes())
         self.files += 1
-
-    def close(self) -> None:
-        """Nothing is left open."""
 
 
 class VideoWriter:

@@ -10,12 +10,13 @@ from typing import Never
 
 import cv2
 import numpy as np
+from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.recording import Recording
 from sips_lit.pairs.build import measure, stored_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
-from sips_lit.progress import Progress, progress
+from sips_lit.progress import progress
 from sips_lit.types import ImageSequence
 
 
@@ -65,7 +66,7 @@ def index_recordings(
 
 
 def _index(
-    recording: Recording, folder: Path, parameters: OverlapParameters, overlap: float, frames: Progress[Never]
+    recording: Recording, folder: Path, parameters: OverlapParameters, overlap: float, frames: tqdm[Never]
 ) -> list[IndexedSequence]:
     rows: list[IndexedSequence] = []
     try:
@@ -81,7 +82,7 @@ def _index(
 
 
 def _up_to_date(
-    sequence: ImageSequence, folder: Path, parameters: OverlapParameters, frames: Progress[Never]
+    sequence: ImageSequence, folder: Path, parameters: OverlapParameters, frames: tqdm[Never]
 ) -> OverlapIndex:
     whole, start, stop = sequence.source_range()
     index = stored_index(whole, folder, parameters)

@@ -49,33 +49,36 @@ def draw_matches(
     caption counts. The images may differ in size, and either score map may be missing.
     """
     rows: list[tuple[Picture | None, Picture | None]] = [(to_picture(image0), to_picture(image1))]
-    if score_map0 is not None or score_map1 is not None:
-        rows.append((_score_picture(score_map0), _score_picture(score_map1)))
-    left1 = image0.shape[1] + _GAP
+    maps = [None if scores is None else probability_colours(scores) for scores in (score_map0, score_map1)]
+    if any(picture is not None for picture in maps):
+        rows.append((maps[0], maps[1]))
+    height, left1 = max(image0.shape[0], image1.shape[0]), image0.shape[1] + _GAP
     width = left1 + image1.shape[1]
-    offset1 = np.array([left1, 0], np.float32)
     reasons0 = _point_reasons(matches.index0, inliers.reason, inliers.known0)
     reasons1 = _point_reasons(matches.index1, inliers.reason, inliers.known1)
 
     panels: list[Picture] = []
     for picture0, picture1 in rows:
-        row = _side_by_side(picture0, picture1, max(image0.shape[0], image1.shape[0]), left1, width)
+        row: Picture = np.full((height, width, 3), _GROUND, np.uint8)
+        sides = (
+            (picture0, row[:, : left1 - _GAP], keypoints0, reasons0),
+            (picture1, row[:, left1:], keypoints1, reasons1),
+        )
+        for picture, side, _, _ in sides:
+            if picture is not None:
+                side[: picture.shape[0], : picture.shape[1]] = picture
         if not panels:
             ends0 = keypoints0.xy[matches.index0[inliers.inlier]]
-            ends1 = keypoints1.xy[matches.index1[inliers.inlier]] + offset1
+            ends1 = keypoints1.xy[matches.index1[inliers.inlier]] + np.array([left1, 0], np.float32)
             draw_lines(row, ends0, ends1, COLOURS[Reason.INLIER], opacity=0.6)
-        if picture0 is not None:
-            _draw_side(row[:, : left1 - _GAP], keypoints0, reasons0)
-        if picture1 is not None:
-            _draw_side(row[:, left1:], keypoints1, reasons1)
+        for picture, side, keypoints, reasons in sides:
+            if picture is not None:
+                _draw_side(side, keypoints, reasons)
         panels += [row, np.full((_GAP, width, 3), _GROUND, np.uint8)]
-    summary = _summary(len(keypoints0), len(keypoints1), len(matches), int(inliers.inlier.sum()))
+    points = f"{len(keypoints0)}" if len(keypoints0) == len(keypoints1) else f"{len(keypoints0)} + {len(keypoints1)}"
+    summary = f"{points} points, {len(matches)} matches, {int(inliers.inlier.sum())} inliers"
     panels.append(_caption(summary, np.concatenate([reasons0, reasons1]), width))
     return np.concatenate(panels)
-
-
-def _score_picture(score_map: FloatArray | None) -> Picture | None:
-    return None if score_map is None else probability_colours(score_map)
 
 
 def _point_reasons(
@@ -87,25 +90,11 @@ def _point_reasons(
     return reasons
 
 
-def _side_by_side(picture0: Picture | None, picture1: Picture | None, height: int, left1: int, width: int) -> Picture:
-    row: Picture = np.full((height, width, 3), _GROUND, np.uint8)
-    for picture, left in ((picture0, 0), (picture1, left1)):
-        if picture is not None:
-            row[: picture.shape[0], left : left + picture.shape[1]] = picture
-    return row
-
-
 def _draw_side(panel: Picture, keypoints: Keypoints, reasons: NDArray[np.uint8]) -> None:
     """The points of one image, inliers on top of the others and better points on top of worse ones."""
-    order = np.lexsort((-np.arange(len(keypoints)), reasons == Reason.INLIER))
-    for index in order:
+    for index in np.lexsort((-np.arange(len(keypoints)), reasons == Reason.INLIER)):
         radius = RADIUS * float(keypoints.scale[index])
         draw_point(panel, keypoints.xy[index], radius, float(keypoints.score[index]), COLOURS[Reason(reasons[index])])
-
-
-def _summary(points0: int, points1: int, matches: int, inliers: int) -> str:
-    points = f"{points0}" if points0 == points1 else f"{points0} + {points1}"
-    return f"{points} points, {matches} matches, {inliers} inliers"
 
 
 def _caption(summary: str, reasons: NDArray[np.uint8], width: int) -> Picture:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,22 +14,13 @@ from sips_lit.render.styles import literal
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class _Band:
-    label: str
-    above: float
-    up_to: float
-    colour: str
-    marker: str
-
-
-# light to dark and of different shapes, so that they are told apart without colours
 _BANDS = (
-    _Band("n < 50", -1, 49, "#56B4E9", "o"),
-    _Band("50 to 100", 49, 100, "#E69F00", "s"),
-    _Band("> 100", 100, 1e9, "#D55E00", "^"),
-    _Band("failed", 1e9, np.inf, "#000000", "x"),
+    ("n < 50", -1, 49, "#56B4E9", "o"),
+    ("50 to 100", 49, 100, "#E69F00", "s"),
+    ("> 100", 100, 1e9, "#D55E00", "^"),
+    ("failed", 1e9, np.inf, "#000000", "x"),
 )
+"""Label, points above and up to, colour and marker: light to dark and of different shapes, to tell them without colours."""
 
 
 def draw_pose_differences(needed: Mapping[str, Floats], translation: Floats, rotation: Floats) -> Figure:
@@ -46,12 +36,10 @@ def draw_pose_differences(needed: Mapping[str, Floats], translation: Floats, rot
         clean(axes)
         axes.set_title(literal(name), fontsize=8, loc="left")
         axes.tick_params(labelsize=7)
-        for band in _BANDS:
-            chosen = (points > band.above) & (points <= band.up_to)
-            axes.scatter(
-                translation[chosen], rotation[chosen], s=11, c=band.colour, marker=band.marker, linewidths=0.8,
-                label=band.label,
-            )  # fmt: skip
+        for label, above, up_to, colour, marker in _BANDS:
+            chosen = (points > above) & (points <= up_to)
+            x, y = translation[chosen], rotation[chosen]
+            axes.scatter(x, y, s=11, c=colour, marker=marker, linewidths=0.8, label=label)
     for axes in grid[len(needed) :]:
         axes.set_axis_off()
     figure.supxlabel("true translation, m", fontsize=9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -55,12 +55,11 @@ def columns_of(methods: Sequence[MethodResult]) -> list[Column]:
     """The columns of a pair set's table; those without any value are left out."""
     if not methods:
         return []
-    first = methods[0]
+    first, n = methods[0], main_budget(methods[0])
     timed = {stage for method in methods for stage in method.milliseconds}
     stages = sorted(timed, key=lambda stage: (_STAGES.index(stage) if stage in _STAGES else len(_STAGES), stage))
     budgets = sorted({n for method in methods for n in method.calibration})
-    n = main_budget(first)
-    columns = _succinctness(main_k(first), first.n_max)
+    columns = [*_succinctness(main_k(first), first.n_max)]
     columns += [] if n is None else [*_pose(n, *pose_limits(first)), *_at_n(n)]
     columns += [*map(_ece, budgets), _points(first.n_max), *map(_stage, stages)]
     return [column for column in columns if not all(math.isnan(column.value(method)) for method in methods)]
@@ -88,7 +87,7 @@ def text_of(value: float, digits: int) -> str:
     return "never" if math.isinf(value) else f"{value:.{digits}f}"
 
 
-def _succinctness(k: int, n_max: int) -> list[Column]:
+def _succinctness(k: int, n_max: int) -> Iterator[Column]:
     def reached(n: int | None) -> float:
         return math.inf if n is None else n
 
@@ -99,122 +98,67 @@ def _succinctness(k: int, n_max: int) -> list[Column]:
     def auc_deviation(method: MethodResult) -> float:
         return over_repeats_deviation([succinctness(method, k, repeat).auc for repeat in range(method.n_k.shape[1])])
 
-    return [
-        Column(
-            "n_at_80",
-            "n at 80 %",
-            f"The fewest points per image with which 80 % of the pairs have {k} inliers.",
-            0,
-            -1,
-            lambda method: reached(succinctness(method, k).n_at_80),
-        ),
-        Column(
-            "median_n",
-            "median n",
-            f"The fewest points per image with which half of the pairs have {k} inliers.",
-            0,
-            -1,
-            lambda method: reached(succinctness(method, k).median),
-        ),
-        Column(
-            "mean_n",
-            f"mean n to {k} inliers",
-            f"Mean of n_{k} over the pairs that get {k} inliers; read it together with the failures, which it leaves out.",
-            1,
-            -1,
-            mean_n,
-        ),
-        Column(
-            "auc",
-            f"AUC-{n_max}",
-            f"Area under the succinctness curve up to {n_max} points, divided by {n_max}: "
-            f"1 - {k} / {n_max} = {1 - k / n_max:.3f} at best, 0 when every pair fails. "
-            "± is the standard deviation over the repeats of a random verification.",
-            3,
-            1,
-            lambda method: succinctness(method, k).auc,
-            auc_deviation,
-        ),
-        Column(
-            "failures",
-            "failures",
-            f"Pairs without {k} inliers at any n up to {n_max}; the mean over the repeats.",
-            1,
-            -1,
-            lambda method: succinctness(method, k).failures / max(method.n_k.shape[1], 1),
-            count=True,
-        ),
-    ]
+    def failures(method: MethodResult) -> float:
+        return float(succinctness(method, k).failures / max(method.n_k.shape[1], 1))
+
+    definition = f"The fewest points per image with which 80 % of the pairs have {k} inliers."
+    yield Column("n_at_80", "n at 80 %", definition, 0, -1, lambda method: reached(succinctness(method, k).n_at_80))
+    definition = f"The fewest points per image with which half of the pairs have {k} inliers."
+    yield Column("median_n", "median n", definition, 0, -1, lambda method: reached(succinctness(method, k).median))
+    definition = (
+        f"Mean of n_{k} over the pairs that get {k} inliers; read it together with the failures, which it leaves out."
+    )
+    yield Column("mean_n", f"mean n to {k} inliers", definition, 1, -1, mean_n)
+    definition = (
+        f"Area under the succinctness curve up to {n_max} points, divided by {n_max}: "
+        f"1 - {k} / {n_max} = {1 - k / n_max:.3f} at best, 0 when every pair fails. "
+        "± is the standard deviation over the repeats of a random verification."
+    )
+    yield Column("auc", f"AUC-{n_max}", definition, 3, 1, lambda method: succinctness(method, k).auc, auc_deviation)
+    definition = f"Pairs without {k} inliers at any n up to {n_max}; the mean over the repeats."
+    yield Column("failures", "failures", definition, 1, -1, failures, count=True)
 
 
-def _pose(n: int, metres: float, degrees: float) -> list[Column]:
+def _pose(n: int, metres: float, degrees: float) -> Iterator[Column]:
     def auc(errors: Callable[[AtBudget], FloatArray], limit: float) -> tuple[Number, Number]:
         """Pose AUC over all pairs and repeats, and its deviation over the repeats."""
-        pooled = _at(n, lambda at: error_auc(errors(at), limit))
-        return pooled, _at(
-            n, lambda at: over_repeats_deviation([error_auc(of_repeat, limit) for of_repeat in errors(at).T])
-        )
 
-    return [
-        Column(
-            f"pose_auc_{metres:g}m",
-            f"pose AUC-{metres:g} m at {n}",
-            "Area under the curve of translation errors (Euclidean distance, metres) from 0 to "
-            f"{metres:g} m, divided by {metres:g} m: 1 is perfect. A pair without a pose counts as an infinite error; "
-            "pairs whose true pose is not known are left out.",
-            3,
-            1,
-            *auc(lambda at: at.translation_error, metres),
-        ),
-        Column(
-            f"pose_auc_{degrees:g}deg",
-            f"pose AUC-{degrees:g}° at {n}",
-            f"The same of rotation errors (geodesic angle) from 0 to {degrees:g} degree{'' if degrees == 1 else 's'}.",
-            3,
-            1,
-            *auc(lambda at: at.rotation_error, degrees),
-        ),
-        Column(
-            "no_pose",
-            f"no pose at {n}",
-            f"Pairs without a pose from the {n} best points, though the true one is known; the mean over the repeats. "
-            "A table below counts the reasons.",
-            1,
-            -1,
-            _at(n, lambda at: without_pose(at.outcome)),
-            count=True,
-        ),
-    ]
+        def deviation(at: AtBudget) -> float:
+            return over_repeats_deviation([error_auc(of_repeat, limit) for of_repeat in errors(at).T])
+
+        return _at(n, lambda at: error_auc(errors(at), limit)), _at(n, deviation)
+
+    definition = (
+        "Area under the curve of translation errors (Euclidean distance, metres) from 0 to "
+        f"{metres:g} m, divided by {metres:g} m: 1 is perfect. A pair without a pose counts as an infinite error; "
+        "pairs whose true pose is not known are left out."
+    )
+    numbers = auc(lambda at: at.translation_error, metres)
+    yield Column(f"pose_auc_{metres:g}m", f"pose AUC-{metres:g} m at {n}", definition, 3, 1, *numbers)
+    unit = "degree" if degrees == 1 else "degrees"
+    definition = f"The same of rotation errors (geodesic angle) from 0 to {degrees:g} {unit}."
+    numbers = auc(lambda at: at.rotation_error, degrees)
+    yield Column(f"pose_auc_{degrees:g}deg", f"pose AUC-{degrees:g}° at {n}", definition, 3, 1, *numbers)
+    definition = (
+        f"Pairs without a pose from the {n} best points, though the true one is known; the mean over the repeats. "
+        "A table below counts the reasons."
+    )
+    number = _at(n, lambda at: without_pose(at.outcome))
+    yield Column("no_pose", f"no pose at {n}", definition, 1, -1, number, count=True)
 
 
-def _at_n(n: int) -> list[Column]:
-    return [
-        Column(
-            "repeatability",
-            f"repeatability at {n}",
-            f"Of the {n} best points of the image that has fewer in the common view, the fraction found again in the other "
-            "image. NaN where the true position in the other image is not known.",
-            3,
-            1,
-            _at(n, lambda at: known_mean(at.repeatability)),
-        ),
-        Column(
-            "matching_score",
-            f"matching score at {n}",
-            f"Of the {n} best points in the common view, the fraction that the descriptor matches correctly.",
-            3,
-            1,
-            _at(n, lambda at: known_mean(at.matching_score)),
-        ),
-        Column(
-            "spread",
-            f"spread at {n}",
-            "Fraction of the cells of a grid over the image that hold an inlier: more is better for the pose.",
-            3,
-            1,
-            _at(n, lambda at: known_mean(at.spread)),
-        ),
-    ]
+def _at_n(n: int) -> Iterator[Column]:
+    definition = (
+        f"Of the {n} best points of the image that has fewer in the common view, the fraction found again in the other "
+        "image. NaN where the true position in the other image is not known."
+    )
+    number = _at(n, lambda at: known_mean(at.repeatability))
+    yield Column("repeatability", f"repeatability at {n}", definition, 3, 1, number)
+    definition = f"Of the {n} best points in the common view, the fraction that the descriptor matches correctly."
+    number = _at(n, lambda at: known_mean(at.matching_score))
+    yield Column("matching_score", f"matching score at {n}", definition, 3, 1, number)
+    definition = "Fraction of the cells of a grid over the image that hold an inlier: more is better for the pose."
+    yield Column("spread", f"spread at {n}", definition, 3, 1, _at(n, lambda at: known_mean(at.spread)))
 
 
 def _at(n: int, number: Callable[[AtBudget], float]) -> Number:
@@ -223,34 +167,28 @@ def _at(n: int, number: Callable[[AtBudget], float]) -> Number:
 
 
 def _ece(n: int) -> Column:
-    return Column(
-        f"ece_{n}",
-        f"ECE at {n}",
+    definition = (
         f"Expected calibration error: mean distance, over the {n} best points, between predicted probability and "
-        "frequency of inliers in 20 bins. Only for detectors whose scores are probabilities.",
-        3,
-        -1,
-        lambda method: method.calibration[n].ece if n in method.calibration else math.nan,
+        "frequency of inliers in 20 bins. Only for detectors whose scores are probabilities."
     )
+
+    def ece(method: MethodResult) -> float:
+        return method.calibration[n].ece if n in method.calibration else math.nan
+
+    return Column(f"ece_{n}", f"ECE at {n}", definition, 3, -1, ece)
 
 
 def _points(n_max: int) -> Column:
-    return Column(
-        "points",
-        "points found",
-        f"Mean number of points found in an image when {n_max} or more were asked for.",
-        1,
-        0,
-        lambda method: known_mean(np.concatenate([method.points0, method.points1])),
-    )
+    definition = f"Mean number of points found in an image when {n_max} or more were asked for."
+
+    def points(method: MethodResult) -> float:
+        return known_mean(np.concatenate([method.points0, method.points1]))
+
+    return Column("points", "points found", definition, 1, 0, points)
 
 
 def _stage(stage: str) -> Column:
+    definition = f"Mean wall-clock time of {stage} (detect, describe and depth: per image; all others: per pair)."
     return Column(
-        f"{stage}_ms",
-        f"{stage}, ms",
-        f"Mean wall-clock time of {stage} (detect, describe and depth: per image; all others: per pair).",
-        1,
-        -1,
-        lambda method: method.milliseconds.get(stage, math.nan),
+        f"{stage}_ms", f"{stage}, ms", definition, 1, -1, lambda method: method.milliseconds.get(stage, math.nan)
     )

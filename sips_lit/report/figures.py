@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from sips_lit.evaluate.result import AtBudget, FloatArray, MethodResult, PairSetResult
-from sips_lit.render.benchmark_curves import draw_against_k, draw_succinctness_curves
-from sips_lit.render.calibration_counts import draw_calibrations
-from sips_lit.render.pose_curves import draw_pose_curves
+from sips_lit.evaluate.result import MethodResult, PairSetResult
+from sips_lit.render.curves import draw_against_k, draw_pose_curves, draw_succinctness_curves
 from sips_lit.render.pose_difference import draw_pose_differences
+from sips_lit.render.reliability import draw_calibrations
 from sips_lit.render.styles import Style
 from sips_lit.report.columns import best_first
 from sips_lit.report.summary import (
@@ -28,8 +27,7 @@ from sips_lit.report.summary import (
 
 Methods = Sequence[MethodResult]
 Styles = Mapping[str, Style]
-Error = Literal["translation", "rotation"]
-_UNITS: dict[Error, str] = {"translation": "m", "rotation": "degree"}
+_UNITS: Final = {"translation": "m", "rotation": "degree"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +49,10 @@ def charts(result: PairSetResult, styles: Styles, legend: bool = True) -> Iterat
     yield _succinctness(methods, styles, legend)
     if len(methods[0].ks) > 1:
         yield _auc_by_k(methods, styles, legend)
-    for error in _UNITS:
+    for error, limit in zip(_UNITS, pose_limits(methods[0]), strict=True):
         if len(methods[0].ks) > 1:
-            yield from _pose_by_k(methods, styles, legend, error)
-        yield from _pose(methods, styles, legend, error)
+            yield from _pose_by_k(methods, styles, legend, error, limit)
+        yield from _pose(methods, styles, legend, error, limit)
     for n in sorted({n for method in methods for n in method.calibration}):
         yield _calibration(methods, styles, legend, n)
     if not np.isnan(methods[0].pairs.translation).all():
@@ -81,12 +79,9 @@ def _auc_by_k(methods: Methods, styles: Styles, legend: bool) -> Chart:
     return Chart("auc_by_k", f"AUC-{first.n_max} against k", caption, figure)
 
 
-def _pose_by_k(methods: Methods, styles: Styles, legend: bool, error: Error) -> Iterator[Chart]:
-    limit = _limit(methods[0], error)
-    aucs = {
-        method.name: np.array([error_auc(of_k, limit) for of_k in np.moveaxis(_errors(method, error), 2, 0)])
-        for method in methods
-    }
+def _pose_by_k(methods: Methods, styles: Styles, legend: bool, error: str, limit: float) -> Iterator[Chart]:
+    errors = {method.name: np.moveaxis(getattr(method, f"{error}_error"), 2, 0) for method in methods}
+    aucs = {name: np.array([error_auc(of_k, limit) for of_k in by_k]) for name, by_k in errors.items()}
     known = {name: values for name, values in aucs.items() if not np.isnan(values).all()}
     if known:
         ylabel = f"{error} AUC-{limit:g} {_UNITS[error]} at n_k"
@@ -95,9 +90,9 @@ def _pose_by_k(methods: Methods, styles: Styles, legend: bool, error: Error) -> 
         yield Chart(f"{error}_auc_by_k", f"{error.title()} AUC against k", caption, figure)
 
 
-def _pose(methods: Methods, styles: Styles, legend: bool, error: Error) -> Iterator[Chart]:
-    measured, limit = at_main_budget(methods), _limit(methods[0], error)
-    errors = {name: _errors(at, error) for name, at in measured.items()}
+def _pose(methods: Methods, styles: Styles, legend: bool, error: str, limit: float) -> Iterator[Chart]:
+    measured = at_main_budget(methods)
+    errors = {name: getattr(at, f"{error}_error") for name, at in measured.items()}
     curves = {name: curve for name, values in errors.items() if (curve := error_curve(values, limit)) is not None}
     if curves:
         n = next(iter(measured.values())).n
@@ -108,14 +103,6 @@ def _pose(methods: Methods, styles: Styles, legend: bool, error: Error) -> Itera
             "Pairs with fewer inliers than the protocol asks for have no pose and count as infinite."
         )
         yield Chart(f"{error}_error", f"{error.title()} error at {n} points", caption, figure)
-
-
-def _limit(method: MethodResult, error: Error) -> float:
-    return pose_limits(method)[error == "rotation"]
-
-
-def _errors(measured: MethodResult | AtBudget, error: Error) -> FloatArray:
-    return measured.translation_error if error == "translation" else measured.rotation_error
 
 
 def _calibration(methods: Methods, styles: Styles, legend: bool, n: int) -> Chart:

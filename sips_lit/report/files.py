@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import os
+import platform
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import cv2
 from torch.utils.tensorboard import SummaryWriter
@@ -16,13 +20,14 @@ from sips_lit.progress import progress
 from sips_lit.render.canvas import Picture
 from sips_lit.render.figure import figure_to_array
 from sips_lit.render.styles import detector_styles
+from sips_lit.report.columns import columns_of
 from sips_lit.report.embedding import svg_of
 from sips_lit.report.figures import Styles, charts
-from sips_lit.report.machine import describe_machine
 from sips_lit.report.page import PairPictures, report_page
 from sips_lit.report.stored import store_results
 from sips_lit.report.tables import write_tables
-from sips_lit.report.tensorboard import log_numbers
+
+_CPU_INFO: Final = Path("/proc/cpuinfo")
 
 
 def write_report(
@@ -50,6 +55,29 @@ def write_report(
     html = report_page(results, pictures, styles, date, machine)
     write_whole(page, html.encode())
     return [page, *written, folder / "tensorboard"]
+
+
+def describe_machine() -> dict[str, str]:
+    """Processor (the model where Linux tells it, else what Python knows), cores and system; not whose machine it is."""
+    lines = _CPU_INFO.read_text().splitlines() if _CPU_INFO.is_file() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return {
+        "processor": models[0] if models else platform.processor() or platform.machine() or "unknown",
+        "cores": str(os.cpu_count() or "unknown"),
+        "system": f"{platform.system()} {platform.machine()}",
+        "Python": platform.python_version(),
+    }
+
+
+def log_numbers(writer: SummaryWriter, results: Sequence[PairSetResult]) -> None:
+    """Logs ``benchmark/<set>/<method>/<column>`` in TensorBoard for each finite number of the tables."""
+    for result in results:
+        columns = columns_of(result.detectors)
+        for method in result.detectors:
+            for column in columns:
+                value = column.value(method)
+                if math.isfinite(value):
+                    writer.add_scalar(f"benchmark/{result.key}/{method.key}/{column.key}", value)
 
 
 def _with_different_names(result: PairSetResult) -> PairSetResult:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from sips_lit.evaluate.result import MethodResult, PairSetResult
-from sips_lit.report.columns import OWN_N, best_first, columns_of
+from sips_lit.render.styles import is_control
+from sips_lit.report.columns import OWN_N, Column, best_first, columns_of, is_scored
 from sips_lit.report.counts import counts
 from sips_lit.report.embedding import inline_svg, picture_uri
 from sips_lit.report.figures import Styles, charts
 from sips_lit.report.pair_pictures import PairPicture
 from sips_lit.report.protocol import protocol_differences, protocol_rows, protocol_sentences, shared_protocol
-from sips_lit.report.sortable_table import table_rows
 
 PairPictures = Mapping[tuple[str, str], Sequence[PairPicture]]
 """By the keys of pair set and method."""
@@ -25,6 +27,26 @@ _TEMPLATES: Final = Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """``text`` is shown, with the ``deviation`` over the repeats, if any; rows are sorted by ``key``, empty ones last."""
+
+    text: str
+    key: str
+    deviation: str
+    best: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A method by name, with a cell for each column; ``tags`` say what is special about it."""
+
+    name: str
+    control: bool
+    tags: tuple[str, ...]
+    cells: tuple[Cell, ...]
 
 
 def report_page(
@@ -55,12 +77,15 @@ def _section(index: int, result: PairSetResult, pictures: PairPictures, styles: 
         "columns": columns,
         "rows": table_rows(methods, columns),
         "skipped": result.skipped,
-        "best_first": [method.name for method in best_first(methods)],
         "charts": [
             (chart, inline_svg(chart.figure, f"set-{index}-{chart.key}", chart.title))
             for chart in charts(result, styles, legend=False)
         ],
-        "pictures": dict(_pictures(result.key, methods, pictures)),
+        "pictures": {
+            method.name: [(picture, picture_uri(picture.image)) for picture in drawn]
+            for method in methods
+            if (drawn := pictures.get((result.key, method.key)))
+        },
         "counts": counts(result),
         "protocol": protocol_sentences(result),
         "protocol_rows": protocol_rows(shared_protocol(result)),
@@ -68,11 +93,29 @@ def _section(index: int, result: PairSetResult, pictures: PairPictures, styles: 
     }
 
 
-def _pictures(
-    key: str, methods: Sequence[MethodResult], pictures: PairPictures
-) -> Iterator[tuple[str, list[tuple[PairPicture, str]]]]:
-    """The pictures of each method, by its name, with their data."""
-    for method in methods:
-        drawn = pictures.get((key, method.key), ())
-        if drawn:
-            yield method.name, [(picture, picture_uri(picture.image)) for picture in drawn]
+def table_rows(methods: Sequence[MethodResult], columns: Sequence[Column]) -> list[Row]:
+    """A row for each method, best AUC first. The best of several values is marked in each column, controls left aside."""
+    rivals = [method for method in methods if not is_control(method.name)]
+    best = [_best(column, rivals) for column in columns]
+    rows = []
+    for method in best_first(methods):
+        control = is_control(method.name)
+        tags = ("control",) * control + (OWN_N,) * (not is_scored(method))
+        cells = [_cell(column, method, "" if control else text) for column, text in zip(columns, best, strict=True)]
+        rows.append(Row(method.name, control, tags, tuple(cells)))
+    return rows
+
+
+def _cell(column: Column, method: MethodResult, best: str) -> Cell:
+    value, deviation = column.value(method), math.nan if column.deviation is None else column.deviation(method)
+    key = "" if math.isnan(value) else "Infinity" if math.isinf(value) else repr(float(value))
+    text = column.text(value)
+    return Cell(text, key, "" if math.isnan(deviation) else f"± {deviation:.3f}", math.isfinite(value) and text == best)
+
+
+def _best(column: Column, methods: Sequence[MethodResult]) -> str:
+    """The best value as it is shown; empty where there is nothing to choose."""
+    values = [value for method in methods if not math.isnan(value := column.value(method))]
+    if len(methods) < 2 or not values or column.better == 0:
+        return ""
+    return column.text(max(values) if column.better > 0 else min(values))

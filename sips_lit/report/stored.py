@@ -23,17 +23,17 @@ def store_results(
     path: Path, results: Sequence[PairSetResult], date: str | None = None, machine: Mapping[str, str] | None = None
 ) -> None:
     """Writes all records. Raises BadInputError when the file cannot be written."""
-    about = {"format": FORMAT, "date": date, "machine": dict(machine or {})}
-    content = {**about, "pair_sets": plain(results)}
-    write_whole(path, (json.dumps(content, allow_nan=False) + "\n").encode())
+    content = {"format": FORMAT, "date": date, "machine": machine or {}, "pair_sets": results}
+    write_whole(path, (json.dumps(plain(content), allow_nan=False) + "\n").encode())
 
 
 def plain(value: Any) -> Any:
     """A record, or anything in one, as JSON takes it: NaN is None, infinity "inf", whole floats are integers."""
-    if isinstance(value, MethodResult):  # a budget says its n itself
-        return _fields(value) | {"budgets": plain(list(value.budgets.values()))}
     if is_dataclass(value):
-        return _fields(value)
+        record = {field.name: getattr(value, field.name) for field in fields(value)}
+        if isinstance(value, MethodResult):
+            record["budgets"] = list(value.budgets.values())  # a budget says its n itself
+        return plain(record)
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -47,7 +47,3 @@ def plain(value: Any) -> Any:
             return "inf" if value > 0 else "-inf"
         return int(value) if value.is_integer() else value
     return value if value is None or isinstance(value, bool | int | str) else str(value)
-
-
-def _fields(record: Any) -> dict[str, Any]:
-    return {field.name: plain(getattr(record, field.name)) for field in fields(record)}

@@ -53,8 +53,7 @@ def succinctness(result: MethodResult, k: int, repeat: int | None = None) -> Suc
 
 def error_auc(errors: NDArray[Any], limit: float) -> float:
     """Pose AUC of the errors that are known (not NaN); NaN when none is."""
-    known = errors[~np.isnan(errors)]
-    return pose_auc(known, limit) if known.size else float("nan")
+    return pose_auc(errors[~np.isnan(errors)], limit)
 
 
 def error_curve(errors: NDArray[Any], limit: float) -> tuple[FloatArray, FloatArray] | None:

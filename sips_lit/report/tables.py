@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sips_lit.evaluate.result import MethodResult, PairSetResult
 from sips_lit.files import make_folder, safe_name, write_whole
 from sips_lit.report.columns import columns_of
 from sips_lit.report.summary import main_budget, main_k, median_needed, over_repeats
 
+Columns = dict[str, Iterable[Any]]
+"""Cells of each row by the column's name."""
 _HEADER: Final = ("pair_set", "detector", "name", "pairs", "k", "n_max", "n")
 
 
@@ -31,51 +31,44 @@ def write_tables(folder: Path, results: Sequence[PairSetResult]) -> list[Path]:
         if result.detectors:
             make_folder(subfolder)
         for method in result.detectors:
-            stem = safe_name(method.key)
-            written.append(_write(subfolder / f"{stem}_pairs.csv", pair_rows(method)))
-            written.append(_write(subfolder / f"{stem}_all.csv", wide_rows(method)))
+            known = all_columns(method)
+            for kind, columns in (("pairs", paper_columns(method, known)), ("all", known)):
+                rows = [columns, *zip(*columns.values(), strict=True)]
+                written.append(_write(subfolder / f"{safe_name(method.key)}_{kind}.csv", rows))
     return written
 
 
-def summary_rows(results: Sequence[PairSetResult]) -> list[list[str]]:
-    """The header and a row for each method on each pair set, unrounded; a cell is empty where the set lacks a column."""
-    rows: list[dict[str, str]] = []
+def summary_rows(results: Sequence[PairSetResult]) -> list[list[Any]]:
+    """The header and a row for each method on each pair set, unrounded; None where the set lacks a column."""
+    rows: list[dict[str, Any]] = []
     for result in results:
         columns = columns_of(result.detectors)
         for method in result.detectors:
-            n = main_budget(method)
-            row = {"pair_set": result.key, "detector": method.key, "name": method.name, "pairs": str(len(method.pairs))}
-            row |= {"k": str(main_k(method)), "n_max": str(method.n_max), "n": "" if n is None else str(n)}
+            row = {"pair_set": result.key, "detector": method.key, "name": method.name, "pairs": len(method.pairs)}
+            row |= {"k": main_k(method), "n_max": method.n_max, "n": main_budget(method)}
             for column in columns:
-                row[column.key] = _text(column.value(method))
+                row[column.key] = column.value(method)
                 if column.deviation is not None:
-                    row[f"{column.key}_deviation"] = _text(column.deviation(method))
+                    row[f"{column.key}_deviation"] = column.deviation(method)
             rows.append(row)
     header = list(dict.fromkeys((*_HEADER, *(key for row in rows for key in row))))
-    return [header, *([row.get(key, "") for key in header] for row in rows)]
+    return [header, *([row.get(key) for key in header] for row in rows)]
 
 
-def pair_rows(method: MethodResult) -> list[list[str]]:
-    """The columns of the paper's supplement: true rotation (degrees) and translation (metres), n_k, and pose errors at n_k.
+def paper_columns(method: MethodResult, known: Columns) -> Columns:
+    """The paper's supplement: true rotation (degrees) and translation (metres), n_k, and pose errors at n_k.
 
     Where the verification was repeated these are medians over the repeats.
     """
     k = main_k(method)
-    at = method.ks.index(k)
-    columns = [
-        method.pairs.rotation,
-        method.pairs.translation,
-        median_needed(method, k),
-        over_repeats(method.rotation_error[:, :, at]),
-        over_repeats(method.translation_error[:, :, at]),
-    ]
-    return _rows(["name", "dR", "dt", "nmin", "eR", "et"], method.pairs.name, columns)
+    names = {"name": "name", "dR": "dR", "dt": "dt", "nmin": f"n_{k}", "eR": f"eR_{k}", "et": f"et_{k}"}
+    return {title: known[name] for title, name in names.items()}
 
 
-def wide_rows(method: MethodResult) -> list[list[str]]:
+def all_columns(method: MethodResult) -> Columns:
     """Everything that is known of each pair: n_k and pose errors for every k, and the counts at every budget."""
     table = method.pairs
-    named: dict[str, NDArray[Any]] = {"overlap": table.overlap, "dR": table.rotation, "dt": table.translation}
+    named: Columns = {"name": table.name, "overlap": table.overlap, "dR": table.rotation, "dt": table.translation}
     named |= {"points0": method.points0, "points1": method.points1}
     for index, k in enumerate(method.ks):
         named[f"n_{k}"] = median_needed(method, k)
@@ -89,22 +82,16 @@ def wide_rows(method: MethodResult) -> list[list[str]]:
         named[f"repeatability_at_{n}"] = budget.repeatability
         named[f"matching_score_at_{n}"] = budget.matching_score
         named[f"spread_at_{n}"] = budget.spread
-    return _rows(["name", *named], table.name, list(named.values()))
+    return named
 
 
-def _rows(header: list[str], names: Sequence[str], columns: Sequence[Iterable[float]]) -> list[list[str]]:
-    rows = zip(names, *columns, strict=True)
-    return [header, *([name, *(_text(float(value)) for value in values)] for name, *values in rows)]
-
-
-def _text(value: float) -> str:
-    if math.isfinite(value) and value == int(value):
-        return str(int(value))
-    return repr(float(value))  # the shortest that reads back exactly; inf and nan as such
-
-
-def _write(path: Path, rows: Sequence[Sequence[str]]) -> Path:
+def _write(path: Path, rows: Iterable[Iterable[Any]]) -> Path:
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
+    # None is written as nothing, a float as the shortest text that reads back exactly, inf and nan as such
+    csv.writer(text, lineterminator="\n").writerows(map(_without_decimals, row) for row in rows)
     write_whole(path, text.getvalue().encode())
     return path
+
+
+def _without_decimals(cell: Any) -> Any:
+    return int(cell) if isinstance(cell, float) and cell.is_integer() else cell

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from tabulate import tabulate
 
@@ -29,18 +29,12 @@ def table(result: PairSetResult) -> str:
 
 def protocol_line(result: PairSetResult) -> str:
     """One line that says how the numbers were obtained; details within details are in the JSON."""
-    return ", ".join(_parts(result))
-
-
-def _parts(result: PairSetResult) -> Iterator[str]:
-    p = result.protocol
-    if result.detectors:
-        first = result.detectors[0]
-        yield f"k = {main_k(first)}"
-        yield f"at most {first.n_max} points"
+    p, first = result.protocol, next(iter(result.detectors), None)
+    parts = [] if first is None else [f"k = {main_k(first)}", f"at most {first.n_max} points"]
     chosen = ", ".join(f"{key}={p[key]}" for key in ("kind", "overlap", "seed", "pairs_file") if key in p)
-    yield f"{p['pairs']} pair{'' if p['pairs'] == 1 else 's'}" + (f" ({chosen})" if chosen else "")
-    if result.detectors and "search" in result.detectors[0].protocol:
-        yield f"{result.detectors[0].protocol['search']} search"
+    parts.append(f"{p['pairs']} pair{'' if p['pairs'] == 1 else 's'}" + (f" ({chosen})" if chosen else ""))
+    if first is not None and "search" in first.protocol:
+        parts.append(f"{first.protocol['search']} search")
     for check in p["verification"]:
-        yield ", ".join(f"{key}={value}" for key, value in check.items() if not isinstance(value, Mapping))
+        parts.append(", ".join(f"{key}={value}" for key, value in check.items() if not isinstance(value, Mapping)))
+    return ", ".join(parts)

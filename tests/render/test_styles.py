@@ -1,7 +1,7 @@
 import matplotlib.colors
 import numpy as np
 
-from sips_lit.render.benchmark_curves import draw_succinctness_curves
+from sips_lit.render.curves import draw_succinctness_curves
 from sips_lit.render.figure import figure_to_array
 from sips_lit.render.styles import detector_styles, is_control, literal
 

@@ -1,17 +1,20 @@
 import json
+import platform
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from benchmark_examples import NAMES, detector_result, pair_set, pair_table
+from golden_results import golden
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from sips_lit.evaluate.result import PairSetResult
-from sips_lit.report.columns import auc_of
-from sips_lit.report.files import write_report
+from sips_lit.report.columns import auc_of, columns_of
+from sips_lit.report.files import describe_machine, log_numbers, write_report
 from sips_lit.report.pair_pictures import PairPicture
 
 VOID = {"meta", "input", "img", "br"}
@@ -159,3 +162,44 @@ def test_what_is_undefined_breaks_nothing(tmp_path, results):
         assert "bad (twin)" in text  # one name, two detectors
     if results is no_poses:
         assert "pose AUC-1 m" not in text
+
+
+def test_the_machine_does_not_tell_whose_it_is():
+    machine = describe_machine()
+    assert int(machine["cores"]) >= 1
+    assert machine["processor"]
+    text = " ".join(machine.values())
+    assert str(Path.home()) not in text
+    assert not platform.node() or platform.node() not in text.split()
+
+
+class Writer:
+    """Keeps what it is given."""
+
+    def __init__(self):
+        self.scalars = {}
+
+    def add_scalar(self, tag, value):
+        assert tag not in self.scalars
+        self.scalars[tag] = value
+
+
+def test_each_number_has_its_tag():
+    result, writer = golden(), Writer()
+    log_numbers(writer, [result, replace(result, key="other", detectors=result.detectors[1:])])
+    tags = {"/".join(tag.split("/")[1:3]) for tag in writer.scalars}
+    assert tags == {"kitti/alpha", "kitti/beta", "other/beta"}
+    for column in columns_of(result.detectors):
+        value = column.value(result.detectors[0])
+        assert writer.scalars[f"benchmark/kitti/alpha/{column.key}"] == value
+
+
+def test_what_is_undefined_or_infinite_is_left_out():
+    result, writer = golden(), Writer()
+    failed = replace(result.detectors[0], n_k=result.detectors[0].n_k + float("inf"))
+    log_numbers(writer, [replace(result, detectors=(failed, result.detectors[1]))])
+    assert "benchmark/kitti/alpha/n_at_80" not in writer.scalars  # never
+    assert "benchmark/kitti/beta/ece_30" not in writer.scalars  # no probabilities
+    assert writer.scalars["benchmark/kitti/alpha/auc"] == 0
+    log_numbers(empty := Writer(), [])
+    assert empty.scalars == {}

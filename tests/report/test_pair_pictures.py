@@ -2,12 +2,13 @@ import cv2
 import numpy as np
 from benchmark_examples import detector_result, pair_table
 from textured_scenes import flight
+from tiny_methods import MEASURES, METHODS
 
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
 from sips_lit.evaluate.features import extract
 from sips_lit.inliers.homography import HomographyInliers
-from sips_lit.report.pair_pictures import choose_pairs, draw_pair_pictures
+from sips_lit.report.pair_pictures import choose_pairs, draw_method_pictures, draw_pair_pictures
 from sips_lit.report.summary import median_needed
 from sips_lit.types import FramePair
 
@@ -46,3 +47,11 @@ def test_pictures_show_the_pairs_that_they_name():
         result, pair_of, features_of, 30, lambda image: cv2.blur(image / np.float32(255), (5, 5))
     )
     assert mapped[0].image.shape[0] >= plain[0].image.shape[0] + 120
+
+
+def test_pictures_of_each_method(measured_flights, benchmark_folder):
+    pairs, measured = measured_flights
+    pictures = draw_method_pictures(measured[:2], METHODS, pairs, MEASURES, benchmark_folder / "features")
+    assert set(pictures) == {"sips", "corners"}
+    assert [picture.label for picture in pictures["sips"]] == ["best", "median", "worst"]
+    assert all(picture.image.ndim == 3 for of in pictures.values() for picture in of)

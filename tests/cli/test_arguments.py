@@ -1,0 +1,94 @@
+import random
+import string
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
+
+from sips_lit.cli.arguments import as_typed, quoted
+from sips_lit.errors import BadInputError
+
+NAMES = ["2024_01_01", "10", "1e3", "0x10", "true", "inf", "a (copy).mp4", "a=b", "it's", 'say "x"', "#1", "~x", "a~b"]
+NAMES += [
+    "C:\\videos\\a.mp4",
+    "end\\",
+    "\\'",
+    "{a}",
+    "a:b",
+    "12:30.mp4",
+    "[1] take",
+    "a,b",
+    "  two  words",
+    "@x",
+    "$x",
+    "a]",
+]
+
+
+def parsed(argument: str) -> object:
+    """What the configuration gets."""
+    return OverridesParser.create().parse_override(argument).value()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "key", ["data.path", "input", "output", "paths.outputs", "+pair_sets.a.data.path", "hydra.run.dir"]
+)
+def test_paths_are_text(key: str, name: str):
+    (argument,) = as_typed([f"{key}={name}"])
+    assert parsed(argument) == name.strip()
+
+
+def test_any_characters():
+    source = random.Random(0)
+    for _ in range(2000):
+        name = "".join(source.choices(string.printable.strip() + " ", k=source.randint(1, 8))).strip()
+        if not name or name[0] in "'\"[" or name in ("~", "null") or name.startswith("~/") or "${" in name:
+            continue
+        (argument,) = as_typed([f"data.path={name}"])
+        assert parsed(argument) == name
+
+
+def test_lists_and_sweeps():
+    (argument,) = as_typed(["data.path=[2024_01, a (1).mp4,'b,c'.mp4]"])
+    assert parsed(argument) == ["2024_01", "a (1).mp4", "'b", "c'.mp4"]
+    _, argument = as_typed(["-m", "data.path=2024_01,10"])
+    assert [each.text for each in parsed(argument).list] == ["2024_01", "10"]  # type: ignore[attr-defined]
+    assert as_typed(["-m", "data.path=choice(a,b)"]) == ["-m", "data.path=choice(a,b)"]
+
+
+def test_what_stays():
+    for argument in (
+        "data.path=null",
+        "data.path='a b'",
+        'data.path="a b"',
+        "data.path=",
+        "k=10",
+        "n=1e3",
+        "--cfg=job",
+        "~data",
+    ):
+        assert as_typed([argument]) == [argument]
+
+
+def test_home(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HOME", "/home/ada")
+    assert parsed(as_typed(["data.path=~/films/1"])[0]) == "/home/ada/films/1"
+    assert parsed(as_typed(["data.path=[~/a,~b]"])[0]) == ["/home/ada/a", "~b"]
+
+
+def test_an_argument_that_cannot_be_read():
+    with pytest.raises(BadInputError, match=r"the argument title=a\(1\) can't be read .*: \"title='a\(1\)'\""):
+        as_typed(["title=a(1)"])
+    assert parsed("title=" + quoted("a(1)")) == "a(1)"
+
+
+def test_a_result_is_written_where_it_was_told(tmp_path: Path):
+    """sips-detect with names that are numbers: the error names them, not what they would be as numbers."""
+    command = [sys.executable, "-m", "sips_lit.cli.detect", "checkpoint=10", "input=1e3", "output=2024_01_02"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "10" in done.stderr
+    assert "Traceback" not in done.stderr
