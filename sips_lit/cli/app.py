@@ -59,11 +59,11 @@ def plain_warnings() -> None:
     """Prints each warning about the input once, as a sentence without the line of code that it comes from."""
     show = warnings.showwarning
 
-    def sentence(message: Warning | str, category: type[Warning], *where: Any) -> None:
+    def sentence(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if issubclass(category, InputWarning):
             print(f"warning: {message}", file=sys.stderr)
         else:
-            show(message, category, *where)
+            show(message, category, *where, **more)
 
     warnings.showwarning = sentence
     warnings.simplefilter("once", InputWarning)

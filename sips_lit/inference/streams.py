@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.images import read_grey, read_values
-from sips_lit.frames.listing import IMAGE_SUFFIXES, list_images
+from sips_lit.frames.listing import IMAGE_SUFFIXES, VIDEO_SUFFIXES, list_images
 from sips_lit.frames.span import find_span
 from sips_lit.frames.video_file import VideoFile
 from sips_lit.types import GreyImage
@@ -58,7 +58,14 @@ def open_stream(path: Path, colour: bool) -> FrameStream:
         return ImageStream(images, colour)
     if not path.is_file():
         raise BadInputError(f"there is no {path}: give an image, a folder of images, or a video")
-    return ImageStream([path], colour) if path.suffix.lower() in IMAGE_SUFFIXES else VideoStream(path)
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        return ImageStream([path], colour)
+    try:
+        return VideoStream(path)
+    except BadInputError as error:
+        if path.suffix.lower() in VIDEO_SUFFIXES:
+            raise
+        raise BadInputError(f"{path} is neither an image nor a video that can be read: check the file") from error
 
 
 class ImageStream(FrameStream):
