@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from sips_lit.datasets.depth_image import read_depth_image, to_metres
 from sips_lit.datasets.layout import files_fingerprint
+from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
 from sips_lit.frames.images import resize_max_side, shrunk_size
 from sips_lit.geometry.resize import resize_camera
-from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
+from sips_lit.types import Camera, FloatArray, GreyImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +39,13 @@ class RgbdFrames:
     tables: list[Path]
 
 
-class RgbdSequence(ImageSequence):
+class RgbdSequence(MeasuredSequence):
     """Images with registered depth maps and poses. Distorted images are undistorted, and with them the depth."""
 
     def __init__(self, folder: Path, name: str, frames: RgbdFrames, max_side: int | None = None) -> None:
         self._images = FolderSequence(folder, frames.images)
-        self._frames, self.max_side = frames, max_side
-        self.name = safe_name(name)
+        self.name, self.files, self.max_side = safe_name(name), frames.images, max_side
+        self._frames, self._poses, self._times = frames, frames.poses, frames.times
         self.fingerprint = files_fingerprint(
             [*frames.images, *(depth for depth in frames.depths if depth), *frames.tables],
             [(depth and depth.name, pose is None) for depth, pose in zip(frames.depths, frames.poses, strict=True)],
@@ -59,15 +60,12 @@ class RgbdSequence(ImageSequence):
             pinhole, self._maps = undistortion(frames.camera, frames.distortion)
         self._camera = resize_camera(pinhole, shrunk_size(pinhole.size, max_side))
 
-    def __len__(self) -> int:
-        return len(self._frames.images)
-
     def frame(self, index: int) -> GreyImage:
         """Image ``index`` as grey. Raises BadInputError when it can't be read, or its size is not that of the camera."""
         image = self._images.frame(index)
         if image.shape[::-1] != self._stored.size:
             raise BadInputError(
-                f"{self._frames.images[index]} is {image.shape[1]}x{image.shape[0]}, but its camera is for "
+                f"{self.files[index]} is {image.shape[1]}x{image.shape[0]}, but its camera is for "
                 f"{self._stored.size[0]}x{self._stored.size[1]}: the intrinsics are not of these images"
             )
         if self._maps is not None:
@@ -75,18 +73,6 @@ class RgbdSequence(ImageSequence):
                 cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8
             )
         return resize_max_side(image, self.max_side)
-
-    def frame_name(self, index: int) -> str:
-        """The sequence's name and the image's."""
-        return f"{self.name}_{self._frames.images[index].stem}"
-
-    def camera(self, index: int) -> Camera:
-        """The same for every frame."""
-        return self._camera
-
-    def pose(self, index: int) -> FloatArray | None:
-        """``T_world_camera``, or None where it was not measured."""
-        return self._frames.poses[index]
 
     def depth(self, index: int) -> NDArray[np.float32] | None:
         """Depth (H, W) in metres, of the size of the frame, NaN where unknown; None where there is no map.
@@ -102,14 +88,11 @@ class RgbdSequence(ImageSequence):
             stored = np.asarray(
                 cv2.remap(stored, *self._maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT), np.uint16
             )
-        if self._camera.size != self._stored.size:
-            resized = cv2.resize(stored, self._camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
+        size = shrunk_size(self._stored.size, self.max_side)
+        if size != self._stored.size:
+            resized = cv2.resize(stored, size, interpolation=cv2.INTER_NEAREST_EXACT)
             stored = np.asarray(resized, np.uint16)
         return to_metres(stored, self._frames.unit)
-
-    def time(self, index: int) -> float | None:
-        """When the image was taken, in seconds."""
-        return None if self._frames.times is None else self._frames.times[index]
 
 
 def undistortion(

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from sips_lit.datasets.layout import describe_place, files_fingerprint, read_rows, wrong_layout
+from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.datasets.split_lists import only_split
 from sips_lit.errors import BadInputError
@@ -41,8 +42,8 @@ LAYOUT = (
 log = logging.getLogger(__name__)
 
 
-class RobotCarSequence(ImageSequence):
-    """Consecutive images of one camera: raw Bayer ``files`` named by their time in microseconds.
+class RobotCarSequence(MeasuredSequence):
+    """Consecutive images of one camera: raw Bayer ``files`` named by their time in microseconds since 1970.
 
     ``crop_bottom``: rows of pixels that are left out below; ``max_side``: then shrink images whose longer side exceeds it.
     """
@@ -52,11 +53,9 @@ class RobotCarSequence(ImageSequence):
     ) -> None:
         self.name, self.files, self.max_side = safe_name(name), list(files), max_side
         self.crop_bottom, self._conversion = crop_bottom, BAYER[camera]
+        self._times = [int(file.stem) / 1e6 for file in self.files]
         self.fingerprint = files_fingerprint(self.files, "robotcar 1", camera, crop_bottom, max_side)
         self._shape: tuple[int, ...] | None = None
-
-    def __len__(self) -> int:
-        return len(self.files)
 
     def frame(self, index: int) -> GreyImage:
         """Frame ``index``. Raises BadInputError when it can't be read, is not raw, or not of the size of the first."""
@@ -74,14 +73,6 @@ class RobotCarSequence(ImageSequence):
             )
         grey = np.asarray(cv2.cvtColor(raw, self._conversion), np.uint8)
         return resize_max_side(grey[: raw.shape[0] - self.crop_bottom], self.max_side)
-
-    def frame_name(self, index: int) -> str:
-        """The sequence's name and the image's time in microseconds."""
-        return f"{self.name}_{self.files[index].stem}"
-
-    def time(self, index: int) -> float:
-        """When the frame was taken, in seconds since 1970."""
-        return int(self.files[index].stem) / 1e6
 
 
 def robotcar(

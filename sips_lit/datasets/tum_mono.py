@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sips_lit.datasets.camera_file import read_fov_camera, read_rectified_camera
 from sips_lit.datasets.layout import describe_place, expect, files_fingerprint, read_rows, to_numbers
+from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.datasets.photometric import PhotometricCorrection, read_inverse_response, read_vignette
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.datasets.split_lists import only_split
@@ -33,7 +34,7 @@ LAYOUT = (
 )
 
 
-class MonoSequence(ImageSequence):
+class MonoSequence(MeasuredSequence):
     """One sequence: ``folder`` with ``images.zip`` or ``images/``, and the text files.
 
     ``photometric``: undo the camera's response and vignette (``pcalib.txt``, ``vignette.png``); exposure times stay.
@@ -62,13 +63,13 @@ class MonoSequence(ImageSequence):
         if photometric or geometric:
             files.append(expect(folder / "camera.txt", LAYOUT))
             self._lens = read_fov_camera(files[-1])
-            self._pinhole = read_rectified_camera(files[-1], self._lens) if geometric else None
+        if self._lens is not None and geometric:
+            self._pinhole = pinhole = read_rectified_camera(files[-1], self._lens)
+            self._camera = resize_camera(pinhole, shrunk_size(pinhole.size, max_side))
         if self._lens is not None and photometric:
             files += [expect(folder / name, LAYOUT) for name in ("pcalib.txt", "vignette.png")]
             self._response, self._vignette = read_inverse_response(files[-2]), files[-1]
-            read_vignette(
-                self._vignette, self._lens.size
-            )  # a bad one is refused now; its table is made when it is needed
+            read_vignette(self._vignette, self._lens.size)  # a bad one is refused now; its table is made when needed
         options = (photometric, geometric, max_side)
         self.fingerprint = files_fingerprint(files, "tum_mono 1", self._images.fingerprint, *options)
         self._kept = image_cache(cache_dir if photometric or geometric else None, self.name, self.fingerprint)
@@ -96,16 +97,6 @@ class MonoSequence(ImageSequence):
     def frame_name(self, index: int) -> str:
         """The sequence's name and that of the image file."""
         return f"{self.name}_{self._images.frame_name(index)}"
-
-    def camera(self, index: int) -> Camera | None:
-        """Of the rectified images, the same for all; None where they are not rectified."""
-        if self._pinhole is None:
-            return None
-        return resize_camera(self._pinhole, shrunk_size(self._pinhole.size, self.max_side))
-
-    def time(self, index: int) -> float:
-        """When the frame was taken, in seconds."""
-        return float(self._times[index])
 
     @cached_property
     def _correction(self) -> PhotometricCorrection | None:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.association import nearest_in_time
 from sips_lit.datasets.layout import expect, listed_file, read_rows, read_table, to_numbers
+from sips_lit.datasets.measured import nearest_in_time
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.errors import BadInputError
 from sips_lit.frames.image_size import image_size
