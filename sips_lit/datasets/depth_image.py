@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sips_lit.datasets.layout import expect_size
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_stored
 
@@ -19,11 +20,8 @@ def read_depth_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint16]:
     image = read_stored(path)
     if image.dtype != np.uint16 or image.ndim != 2:
         raise BadInputError(f"the depth map {path} has values of type {image.dtype}: it must be a grey 16-bit image")
-    if image.shape != (size[1], size[0]):
-        raise BadInputError(
-            f"the depth map {path} is {image.shape[1]}x{image.shape[0]}, but its image is {size[0]}x{size[1]}: depth must "
-            "be registered to the image, pixel by pixel"
-        )
+    hint = ": depth must be registered to the image, pixel by pixel"
+    expect_size(image, size, f"the depth map {path}", "its image is", hint)
     return image
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.datasets.asl import LAYOUT, read_sensor, read_states, read_timed_images
-from sips_lit.datasets.layout import files_fingerprint, wrong_layout
+from sips_lit.datasets.layout import expect_size, files_fingerprint, wrong_layout
 from sips_lit.datasets.measured import MeasuredSequence, nearest_in_time
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError
@@ -33,13 +33,7 @@ class EurocSequence(MeasuredSequence):
     """
 
     def __init__(
-        self,
-        mav0: Path,
-        name: str,
-        rectify: bool,
-        tolerance: float,
-        max_side: int | None,
-        cache_dir: str | Path | None = None,
+        self, mav0: Path, name: str, rectify: bool, tolerance: float, max_side: int | None, cache_dir: str | Path | None
     ) -> None:
         left = read_timed_images(mav0 / "cam0")
         lens, T_body_camera = read_sensor(mav0 / "cam0" / "sensor.yaml")
@@ -86,10 +80,7 @@ class EurocSequence(MeasuredSequence):
 
     def _read(self, file: Path, rectifier: Rectifier | None) -> GreyImage:
         image = read_grey(file)
-        if image.shape != (self.size[1], self.size[0]):
-            raise BadInputError(
-                f"{file} is {image.shape[1]}x{image.shape[0]}, but its sensor.yaml says {self.size[0]}x{self.size[1]}"
-            )
+        expect_size(image, self.size, str(file), "its sensor.yaml says")
         return resize_max_side(image if rectifier is None else rectifier(image), self.max_side)
 
     def _poses_from(

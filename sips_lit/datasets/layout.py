@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,13 @@ def describe_place(place: Path) -> str:
         return f"the folder {place} is empty"
     more = f" and {len(entries) - SHOWN} more" if len(entries) > SHOWN else ""
     return f"{place} has {', '.join(entries[:SHOWN])}{more}"
+
+
+def expect_size(image: NDArray[Any], size: tuple[int, ...], what: str, whose: str, hint: str = "") -> None:
+    """Raises BadInputError where an image (H, W) is not of ``size`` (W, H): "``what`` is 4x3, but ``whose`` 5x3``hint``"."""
+    height, width = image.shape
+    if (width, height) != size:
+        raise BadInputError(f"{what} is {width}x{height}, but {whose} {size[0]}x{size[1]}{hint}")
 
 
 def read_rows(path: Path, delimiter: str | None = None) -> list[tuple[int, list[str]]]:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import read_rows, to_numbers
+from sips_lit.datasets.layout import expect_size, read_rows, to_numbers
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_stored
 from sips_lit.types import FloatArray, GreyImage
@@ -67,10 +67,7 @@ def read_vignette(path: Path, size: tuple[int, int]) -> NDArray[np.float64]:
     image = read_stored(path)
     if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
         raise BadInputError(f"{path} is not a grey image of 8 or 16 bits: download it again")
-    if image.shape != (size[1], size[0]):
-        raise BadInputError(
-            f"{path} is {image.shape[1]}x{image.shape[0]}, but the images are {size[0]}x{size[1]}: it is of another camera"
-        )
+    expect_size(image, size, str(path), "the images are", ": it is of another camera")
     if not image.any():
         raise BadInputError(f"{path} is black, as if no light came through the lens: download it again")
     return np.asarray(_filled(image) / image.max(), np.float64)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.datasets.depth_image import read_depth_image, to_metres
-from sips_lit.datasets.layout import files_fingerprint
+from sips_lit.datasets.layout import expect_size, files_fingerprint
 from sips_lit.datasets.measured import MeasuredSequence
-from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
 from sips_lit.frames.images import resize_max_side, shrunk_size
@@ -63,11 +62,8 @@ class RgbdSequence(MeasuredSequence):
     def frame(self, index: int) -> GreyImage:
         """Image ``index`` as grey. Raises BadInputError when it can't be read, or its size is not that of the camera."""
         image = self._images.frame(index)
-        if image.shape[::-1] != self._stored.size:
-            raise BadInputError(
-                f"{self.files[index]} is {image.shape[1]}x{image.shape[0]}, but its camera is for "
-                f"{self._stored.size[0]}x{self._stored.size[1]}: the intrinsics are not of these images"
-            )
+        hint = ": the intrinsics are not of these images"
+        expect_size(image, self._stored.size, str(self.files[index]), "its camera is for", hint)
         if self._maps is not None:
             image = np.asarray(
                 cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8
