@@ -93,27 +93,22 @@ def fetch(file: RemoteFile, folder: Path, attempts: int = 5, pause: float = 2.0,
     """
     make_folder(folder)
     path, part = folder / file.name, folder / f"{file.name}.part"
-    if not path.exists():
-        failures = 0
-        while True:
-            before = _size(part)
-            try:
-                if _go_on(file.url, part, timeout):
-                    break
-                failures += 1
-                reason = "the connection was closed early"
-            except urllib.error.HTTPError as error:
-                raise _refused(file.url, error) from error
-            except LOST as error:
-                failures, reason = failures + 1, _reason(error)
-            failures = 1 if _size(part) > before else failures
-            if failures >= attempts:
-                raise BadInputError(
-                    f"{file.url} can't be fetched ({reason}): run the command again to go on from {part}"
-                )
-            time.sleep(pause)
-        _verify(part, file)
-        part.replace(path)
+    failures = 0
+    while not path.exists():
+        before, reason = _size(part), "the connection was closed early"
+        try:
+            if _go_on(file.url, part, timeout):
+                _verify(part, file)
+                part.replace(path)
+                break
+        except urllib.error.HTTPError as error:
+            raise _refused(file.url, error) from error
+        except LOST as error:
+            reason = _reason(error)
+        failures = 1 if _size(part) > before else failures + 1
+        if failures >= attempts:
+            raise BadInputError(f"{file.url} can't be fetched ({reason}): run the command again to go on from {part}")
+        time.sleep(pause)
     return path
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 
-SHOWN = 6  # entries of a folder that an error lists
+SHOWN = 6  # names that an error lists
 
 
 def expect(path: Path, layout: str) -> Path:
@@ -51,10 +51,13 @@ def describe_place(place: Path) -> str:
         exists = "" if nearest is None else f" (the folder {nearest} exists)"
         return f"the folder {place} does not exist{exists}"
     entries = sorted(p.name + "/" * p.is_dir() for p in place.iterdir() if not p.name.startswith("."))
-    if not entries:
-        return f"the folder {place} is empty"
-    more = f" and {len(entries) - SHOWN} more" if len(entries) > SHOWN else ""
-    return f"{place} has {', '.join(entries[:SHOWN])}{more}"
+    return f"{place} has {some_of(entries)}" if entries else f"the folder {place} is empty"
+
+
+def some_of(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    first = ", ".join(names[:SHOWN])
+    return f"{first} and {len(names) - SHOWN} more" if len(names) > SHOWN else first
 
 
 def expect_size(image: NDArray[Any], size: tuple[int, ...], what: str, whose: str, hint: str = "") -> None:

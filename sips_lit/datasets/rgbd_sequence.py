@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.depth_image import read_depth_image, to_metres
 from sips_lit.datasets.layout import expect_size, files_fingerprint
 from sips_lit.datasets.measured import MeasuredSequence
+from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
-from sips_lit.frames.images import resize_max_side, shrunk_size
+from sips_lit.frames.images import read_stored, resize_max_side, shrunk_size
 from sips_lit.geometry.resize import resize_camera
 from sips_lit.types import Camera, FloatArray, GreyImage
 
@@ -102,3 +102,23 @@ def undistortion(
     matrix, _ = cv2.getOptimalNewCameraMatrix(camera.matrix, coefficients, camera.size, 0)
     x, y = cv2.initUndistortRectifyMap(camera.matrix, coefficients, np.eye(3), matrix, camera.size, cv2.CV_32FC1)
     return Camera(np.asarray(matrix, np.float64), camera.size), (np.asarray(x, np.float32), np.asarray(y, np.float32))
+
+
+def read_depth_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint16]:
+    """The stored values (H, W) of a depth image that must have ``size`` (W, H); 0 means unknown.
+
+    Raises BadInputError when the file can't be read, has no 16-bit values, or is of another size.
+    """
+    image = read_stored(path)
+    if image.dtype != np.uint16 or image.ndim != 2:
+        raise BadInputError(f"the depth map {path} has values of type {image.dtype}: it must be a grey 16-bit image")
+    hint = ": depth must be registered to the image, pixel by pixel"
+    expect_size(image, size, f"the depth map {path}", "its image is", hint)
+    return image
+
+
+def to_metres(stored: NDArray[np.uint16], unit: float) -> NDArray[np.float32]:
+    """Depth (H, W) in metres; ``unit`` is the length of one step. NaN where nothing is stored."""
+    depth = stored * np.float32(unit)
+    depth[stored == 0] = np.nan
+    return depth
