@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import http.client
-import shutil
 import time
 import urllib.error
 import urllib.request
@@ -19,13 +18,13 @@ from typing import Any
 
 import yaml
 
+from sips_lit.dataset_tools.unpack import check_space
 from sips_lit.errors import BadInputError
 from sips_lit.files import make_folder
 from sips_lit.progress import progress
 
 CATALOGUE = Path(__file__).with_name("catalogue.yaml")
 CHUNK = 1 << 20
-SPARE_BYTES = 200_000_000  # left free on the disk
 LOST = (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError)
 
 
@@ -130,7 +129,8 @@ def _go_on(url: str, part: Path, timeout: float) -> bool:
         have = have if answer.status == http.HTTPStatus.PARTIAL_CONTENT else 0
         length = answer.headers.get("Content-Length")
         total = have + int(length) if length else None
-        _check_disk(part, (total or have) - have)
+        needed = (total or have) - have
+        check_space(part.parent, needed, f"{part.stem} needs {needed / 1e9:.1f} GB more")
         tag_file.write_text(answer.headers.get("ETag") or answer.headers.get("Last-Modified") or "")
         with (
             part.open("ab" if have else "wb") as out,
@@ -154,14 +154,6 @@ def _verify(part: Path, file: RemoteFile) -> None:
         part.unlink()
         raise BadInputError(
             f"{file.url} has the checksum {found}, not {file.sha256}: it was damaged or replaced, and is removed"
-        )
-
-
-def _check_disk(part: Path, needed: int) -> None:
-    free = shutil.disk_usage(part.parent).free - SPARE_BYTES
-    if needed > free:
-        raise BadInputError(
-            f"{part.stem} needs {needed / 1e9:.1f} GB more, but {part.parent} has {max(free, 0) / 1e9:.1f} GB free"
         )
 
 

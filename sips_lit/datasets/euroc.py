@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from sips_lit.datasets.asl import LAYOUT, read_sensor, read_states, read_timed_images
 from sips_lit.datasets.layout import expect_size, files_fingerprint, wrong_layout
-from sips_lit.datasets.measured import MeasuredSequence, nearest_in_time
+from sips_lit.datasets.measured import MeasuredSequence, joined_in_time
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
@@ -51,9 +52,8 @@ class EurocSequence(MeasuredSequence):
             T_right_camera = np.linalg.inv(T_body_right) @ T_body_camera
             self._rectifier, self._right_rectifier, self._baseline = rectify_stereo(lens, right_lens, T_right_camera)
             right = read_timed_images(mav0 / "cam1")
-            nearest = nearest_in_time(left.times, right.times, NANOSECONDS * tolerance)
-            self._partners = [right.files[i] if i >= 0 else None for i in nearest]
-            self._warn_of(nearest, "right image", tolerance)
+            self._partners = joined_in_time(left.times, right.times, right.files, NANOSECONDS * tolerance)
+            self._warn_of(self._partners, "right image", tolerance)
             read += [mav0 / "cam1" / "sensor.yaml", mav0 / "cam1" / "data.csv", *right.files]
         elif rectify:
             self._rectifier = rectify_mono(lens)
@@ -88,24 +88,24 @@ class EurocSequence(MeasuredSequence):
     ) -> list[NDArray[np.float64] | None]:
         """The pose of each frame from the state nearest in time, None where none is near."""
         states = read_states(truth)
-        index = nearest_in_time(times, states.times, NANOSECONDS * tolerance)
-        if np.all(index < 0):
+        poses = joined_in_time(times, states.times, states.T_world_body, NANOSECONDS * tolerance)
+        if all(T_world_body is None for T_world_body in poses):
             spans = [f"{t[0] * 1e-9:.3f} to {t[-1] * 1e-9:.3f} s" for t in (states.times, times)]
             raise BadInputError(
                 f"{truth} is from {spans[0]} and the images of cam0 from {spans[1]}: the ground truth does not overlap in "
                 f"time within data.tolerance={tolerance:g} s, so it is of another sequence or clock"
             )
-        self._warn_of(index, "pose", tolerance)
+        self._warn_of(poses, "pose", tolerance)
         T_camera_rectified = np.eye(4)
         if self._rectifier is not None:
             T_camera_rectified[:3, :3] = self._rectifier.rotation.T
         T_body_rectified = T_body_camera @ T_camera_rectified
-        return [states.T_world_body[i] @ T_body_rectified if i >= 0 else None for i in index]
+        return [None if T_world_body is None else T_world_body @ T_body_rectified for T_world_body in poses]
 
-    def _warn_of(self, index: NDArray[np.int64], what: str, tolerance: float) -> None:
-        lacking = int(np.sum(index < 0))
+    def _warn_of(self, parts: Sequence[object], what: str, tolerance: float) -> None:
+        lacking = sum(part is None for part in parts)
         if lacking:
-            log.warning("%s: %d of %d frames have no %s within %g s", self.name, lacking, len(index), what, tolerance)
+            log.warning("%s: %d of %d frames have no %s within %g s", self.name, lacking, len(parts), what, tolerance)
 
 
 def euroc(

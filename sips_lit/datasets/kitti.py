@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import (
     expect,
+    expect_files,
     files_fingerprint,
     read_pose_rows,
     read_rows,
@@ -55,7 +56,10 @@ class KittiSequence(MeasuredSequence, FolderSequence):
         self._right: FolderSequence | None = None
         right_folder = folder / f"image_{number + 1}"
         if right_folder.is_dir() and number + 1 in projections:
-            self._right = FolderSequence(right_folder, _partners(right_folder, self.files), max_side)
+            partners = [right_folder / file.name for file in self.files]
+            hint = f"download {right_folder.name} whole, or remove it to do without stereo"
+            expect_files(partners, "right images", hint)
+            self._right = FolderSequence(right_folder, partners, max_side)
             self._baseline = float((offset(P) - offset(projections[number + 1]))[0])
         read, listed = [folder / "calib.txt"], 0
         if poses_file.exists():
@@ -179,17 +183,6 @@ def _images(folder: Path, number: int) -> list[Path]:
             f"or download the {kind} images"
         )
     raise wrong_layout(f"{place} with two images or more", place if files else folder, LAYOUT)
-
-
-def _partners(folder: Path, left: Sequence[Path]) -> list[Path]:
-    partners = [folder / file.name for file in left]
-    absent = [file for file in partners if not file.is_file()]
-    if absent:
-        raise BadInputError(
-            f"{len(absent)} of {len(left)} right images are missing, the first is {absent[0]}: download {folder.name} "
-            "whole, or remove it to do without stereo"
-        )
-    return partners
 
 
 def _number(file: Path) -> int:

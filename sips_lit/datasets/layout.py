@@ -25,6 +25,13 @@ def expect(path: Path, layout: str) -> Path:
     return path
 
 
+def expect_files(files: Sequence[Path], what: str, hint: str) -> None:
+    """Raises BadInputError where files are missing: how many of ``what``, the first of them, and what to do."""
+    absent = [file for file in files if not file.is_file()]
+    if absent:
+        raise BadInputError(f"{len(absent)} of {len(files)} {what} are missing, the first is {absent[0]}: {hint}")
+
+
 def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
     """The file of ``folder`` that a line of a table names. Raises BadInputError when the name leads out of the folder."""
     path = PurePath(name.replace("\\", "/"))
@@ -34,10 +41,8 @@ def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
 
 
 def wrong_layout(missing: str, place: Path, layout: str) -> BadInputError:
-    """The error for a folder that lacks something: one sentence with what was looked for, what is there, the layout.
-
-    ``missing``: what was looked for; ``place``: the folder where it should be; ``layout``: how it should be, as in
-    "a KITTI sequence has image_0/000000.png, ... and calib.txt".
+    """The error for a folder ``place`` that lacks what was looked for, ``missing``: one sentence with what is there, and the
+    ``layout`` as it should be, such as "a KITTI sequence has image_0/000000.png, ... and calib.txt".
     """
     return BadInputError(f"there is no {missing}: {describe_place(place)}; {layout}")
 

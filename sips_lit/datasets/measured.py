@@ -49,6 +49,13 @@ class MeasuredSequence(ImageSequence):
         return self._baseline
 
 
+def joined_in_time(
+    times: NDArray[Any], others: NDArray[Any], things: Sequence[Any] | NDArray[Any], tolerance: float
+) -> list[Any | None]:
+    """For each time (N,) what belongs to the nearest of the others: of M things one; None beyond the tolerance."""
+    return [None if at < 0 else things[at] for at in nearest_in_time(times, others, tolerance)]
+
+
 def nearest_in_time(times: NDArray[Any], others: NDArray[Any], tolerance: float) -> NDArray[np.int64]:
     """For each time (N,) the index of the nearest of the others (M,), in any order; -1 beyond the tolerance.
 

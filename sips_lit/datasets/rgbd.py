@@ -80,12 +80,11 @@ def read_simple(folder: Path) -> RgbdFrames:
             f"{folder} has {len(images)} images in color/, {len(depths)} depth maps in depth/ and {len(poses)} rows in "
             "poses.txt: there must be as many of each; something was not downloaded whole"
         )
-    pairs = zip(images, depths, strict=True)
-    odd = next((pair for pair in pairs if _number(pair[0]) != _number(pair[1])), None)
-    if odd is not None:
-        raise BadInputError(
-            f"{odd[0]} and {odd[1]} should be of one moment, but have different numbers: a file of {folder} is missing"
-        )
+    for image, depth in zip(images, depths, strict=True):
+        if _number(image) != _number(depth):
+            raise BadInputError(
+                f"{image} and {depth} should be of one moment, but have different numbers: a file of {folder} is missing"
+            )
     camera, unit = _read_camera(camera_file)
     return RgbdFrames(images, list(depths), list(poses), None, camera, None, unit, [table, camera_file])
 
