@@ -25,9 +25,8 @@ LAYOUT = (
 class PosedDepthSequence(FolderSequence, MeasuredSequence):
     """The images of ``folder``, with one camera, the pose of each, and its depth from an archive that is read as needed.
 
-    The world of the poses is the first camera where poses.txt is made so.
-
-    Raises BadInputError when something is missing or does not fit.
+    The world of the poses is the first camera where poses.txt is made so. Raises BadInputError when something is missing or
+    does not fit.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -79,15 +80,12 @@ class RgbdSequence(MeasuredSequence):
         path = self._frames.depths[index]
         if path is None:
             return None
-        stored = read_depth_image(path, self._stored.size)
+        stored: NDArray[Any] = read_depth_image(path, self._stored.size)
         if self._maps is not None:
-            stored = np.asarray(
-                cv2.remap(stored, *self._maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT), np.uint16
-            )
+            stored = cv2.remap(stored, *self._maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)
         size = shrunk_size(self._stored.size, self.max_side)
         if size != self._stored.size:
-            resized = cv2.resize(stored, size, interpolation=cv2.INTER_NEAREST_EXACT)
-            stored = np.asarray(resized, np.uint16)
+            stored = cv2.resize(stored, size, interpolation=cv2.INTER_NEAREST_EXACT)
         return to_metres(stored, self._frames.unit)
 
 

@@ -12,10 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.camera_file import read_fov_camera, read_rectified_camera
+from sips_lit.datasets.calibration import (
+    PhotometricCorrection,
+    read_fov_camera,
+    read_inverse_response,
+    read_rectified_camera,
+    read_vignette,
+)
 from sips_lit.datasets.layout import expect, expect_size, files_fingerprint, read_rows, to_numbers, wrong_layout
 from sips_lit.datasets.measured import MeasuredSequence
-from sips_lit.datasets.photometric import PhotometricCorrection, read_inverse_response, read_vignette
 from sips_lit.datasets.spec import DatasetSpec, any_of, at_least
 from sips_lit.datasets.split_lists import only_split
 from sips_lit.errors import BadInputError
