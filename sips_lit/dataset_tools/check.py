@@ -181,8 +181,6 @@ def check_video(file: Path, advance: Callable[[int], object] = lambda frames: No
 
 def links_out(path: Path) -> list[Path]:
     """The symbolic links in a folder that lead out of it, or nowhere."""
-    if path.is_file():
-        return []
     root = path.resolve()
     return [link for link in sorted(path.rglob("*")) if link.is_symlink() and not _inside(link, root)]
 
@@ -196,9 +194,7 @@ def _inside(link: Path, root: Path) -> bool:
 
 def size_on_disk(path: Path) -> int:
     """Bytes of a file, or of all files in a folder."""
-    if path.is_file():
-        return path.stat().st_size
-    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    return sum(file.stat().st_size for file in (path, *path.rglob("*")) if file.is_file())
 
 
 def remarks(report: DataSetReport) -> list[str]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import http.client
-import shutil
 import time
 import urllib.error
 import urllib.request
@@ -19,13 +18,13 @@ from typing import Any
 
 import yaml
 
+from sips_lit.dataset_tools.unpack import check_space
 from sips_lit.errors import BadInputError
 from sips_lit.files import make_folder
 from sips_lit.progress import progress
 
 CATALOGUE = Path(__file__).with_name("catalogue.yaml")
 CHUNK = 1 << 20
-SPARE_BYTES = 200_000_000  # left free on the disk
 LOST = (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError)
 
 
@@ -93,27 +92,22 @@ def fetch(file: RemoteFile, folder: Path, attempts: int = 5, pause: float = 2.0,
     """
     make_folder(folder)
     path, part = folder / file.name, folder / f"{file.name}.part"
-    if not path.exists():
-        failures = 0
-        while True:
-            before = _size(part)
-            try:
-                if _go_on(file.url, part, timeout):
-                    break
-                failures += 1
-                reason = "the connection was closed early"
-            except urllib.error.HTTPError as error:
-                raise _refused(file.url, error) from error
-            except LOST as error:
-                failures, reason = failures + 1, _reason(error)
-            failures = 1 if _size(part) > before else failures
-            if failures >= attempts:
-                raise BadInputError(
-                    f"{file.url} can't be fetched ({reason}): run the command again to go on from {part}"
-                )
-            time.sleep(pause)
-        _verify(part, file)
-        part.replace(path)
+    failures = 0
+    while not path.exists():
+        before, reason = _size(part), "the connection was closed early"
+        try:
+            if _go_on(file.url, part, timeout):
+                _verify(part, file)
+                part.replace(path)
+                break
+        except urllib.error.HTTPError as error:
+            raise _refused(file.url, error) from error
+        except LOST as error:
+            reason = _reason(error)
+        failures = 1 if _size(part) > before else failures + 1
+        if failures >= attempts:
+            raise BadInputError(f"{file.url} can't be fetched ({reason}): run the command again to go on from {part}")
+        time.sleep(pause)
     return path
 
 
@@ -135,7 +129,8 @@ def _go_on(url: str, part: Path, timeout: float) -> bool:
         have = have if answer.status == http.HTTPStatus.PARTIAL_CONTENT else 0
         length = answer.headers.get("Content-Length")
         total = have + int(length) if length else None
-        _check_disk(part, (total or have) - have)
+        needed = (total or have) - have
+        check_space(part.parent, needed, f"{part.stem} needs {needed / 1e9:.1f} GB more")
         tag_file.write_text(answer.headers.get("ETag") or answer.headers.get("Last-Modified") or "")
         with (
             part.open("ab" if have else "wb") as out,
@@ -159,14 +154,6 @@ def _verify(part: Path, file: RemoteFile) -> None:
         part.unlink()
         raise BadInputError(
             f"{file.url} has the checksum {found}, not {file.sha256}: it was damaged or replaced, and is removed"
-        )
-
-
-def _check_disk(part: Path, needed: int) -> None:
-    free = shutil.disk_usage(part.parent).free - SPARE_BYTES
-    if needed > free:
-        raise BadInputError(
-            f"{part.stem} needs {needed / 1e9:.1f} GB more, but {part.parent} has {max(free, 0) / 1e9:.1f} GB free"
         )
 
 

@@ -64,7 +64,7 @@ def _recognise(path: Path, specs: Sequence[DatasetSpec], depth: int) -> list[Dat
         loose = _first(path, (spec for spec in specs if spec.rank))
         if loose:
             return loose
-    return [_together(path, below)] if _are_one(below, path) else below
+    return _together(path, below)
 
 
 def _first(path: Path, specs: Iterable[DatasetSpec]) -> list[DataSet]:
@@ -76,16 +76,12 @@ def _first(path: Path, specs: Iterable[DatasetSpec]) -> list[DataSet]:
     return []
 
 
-def _are_one(found: list[DataSet], parent: Path) -> bool:
-    """Whether the data sets of a folder are sequences of one, which its loader takes as a whole."""
-    if not found or not found[0].spec.family:
-        return False
-    alike = all((d.spec, d.options) == (found[0].spec, found[0].options) for d in found)
-    return alike and all(dataset.path.parent == parent for dataset in found)
-
-
-def _together(path: Path, found: list[DataSet]) -> DataSet:
-    first = found[0]
-    sign = f"{first.path.name}/{first.sign}"
-    sign = sign if len(found) == 1 else f"{sign} and {len(found) - 1} more"
-    return DataSet(first.spec, path, sign, first.options, tuple(dataset.path for dataset in found))
+def _together(path: Path, found: list[DataSet]) -> list[DataSet]:
+    """The data sets in the folders of ``path``; as one, if they are sequences that one loader takes as a whole."""
+    alike = all((d.spec, d.options, d.path.parent) == (found[0].spec, found[0].options, path) for d in found)
+    if not found or not found[0].spec.family or not alike:
+        return found
+    first, *others = found
+    more = f" and {len(others)} more" if others else ""
+    parts = tuple(dataset.path for dataset in found)
+    return [DataSet(first.spec, path, f"{first.path.name}/{first.sign}{more}", first.options, parts)]

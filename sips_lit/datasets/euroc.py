@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.asl import LAYOUT, TimedImages, read_sensor, read_states, read_timed_images
-from sips_lit.datasets.association import nearest_in_time
-from sips_lit.datasets.layout import files_fingerprint, wrong_layout
+from sips_lit.datasets.asl import LAYOUT, read_sensor, read_states, read_timed_images
+from sips_lit.datasets.layout import expect_size, files_fingerprint, wrong_layout
+from sips_lit.datasets.measured import MeasuredSequence, joined_in_time
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
@@ -18,13 +19,13 @@ from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.images import check_max_side, read_grey, resize_max_side, shrunk_size
 from sips_lit.geometry.rectify import Rectifier, rectify_mono, rectify_stereo
 from sips_lit.geometry.resize import resize_camera
-from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
+from sips_lit.types import FloatArray, GreyImage, ImageSequence
 
 NANOSECONDS = 1e9  # in a second
 log = logging.getLogger(__name__)
 
 
-class EurocSequence(ImageSequence):
+class EurocSequence(MeasuredSequence):
     """The images of cam0 of one sequence (``mav0`` is its folder), with those of cam1 as right images.
 
     Rectified: images, camera and poses are of the pinhole camera that replaces cam0. Otherwise the images are as they are
@@ -33,21 +34,15 @@ class EurocSequence(ImageSequence):
     """
 
     def __init__(
-        self,
-        mav0: Path,
-        name: str,
-        rectify: bool,
-        tolerance: float,
-        max_side: int | None,
-        cache_dir: str | Path | None = None,
+        self, mav0: Path, name: str, rectify: bool, tolerance: float, max_side: int | None, cache_dir: str | Path | None
     ) -> None:
-        self.name, self.max_side, self._left = safe_name(name), max_side, read_timed_images(mav0 / "cam0")
+        left = read_timed_images(mav0 / "cam0")
         lens, T_body_camera = read_sensor(mav0 / "cam0" / "sensor.yaml")
+        self.name, self.max_side, self.files, self._times = safe_name(name), max_side, left.files, left.times * 1e-9
         self.size = lens.size  # as stored
-        files = [mav0 / "cam0" / "sensor.yaml", mav0 / "cam0" / "data.csv", *self._left.files]
+        read = [mav0 / "cam0" / "sensor.yaml", mav0 / "cam0" / "data.csv", *left.files]
         self._rectifier: Rectifier | None = None
-        self._right: TimedImages | None = None
-        self._baseline: float | None = None
+        self._partners: list[Path | None] = [None] * len(left.files)
         if rectify and (mav0 / "cam1").is_dir():
             right_lens, T_body_right = read_sensor(mav0 / "cam1" / "sensor.yaml")
             if right_lens.size != lens.size:
@@ -56,86 +51,61 @@ class EurocSequence(ImageSequence):
                 )
             T_right_camera = np.linalg.inv(T_body_right) @ T_body_camera
             self._rectifier, self._right_rectifier, self._baseline = rectify_stereo(lens, right_lens, T_right_camera)
-            self._right = read_timed_images(mav0 / "cam1")
-            self._partner = nearest_in_time(self._left.times, self._right.times, NANOSECONDS * tolerance)
-            self._warn_of(self._partner, "right image", tolerance)
-            files += [mav0 / "cam1" / "sensor.yaml", mav0 / "cam1" / "data.csv", *self._right.files]
+            right = read_timed_images(mav0 / "cam1")
+            self._partners = joined_in_time(left.times, right.times, right.files, NANOSECONDS * tolerance)
+            self._warn_of(self._partners, "right image", tolerance)
+            read += [mav0 / "cam1" / "sensor.yaml", mav0 / "cam1" / "data.csv", *right.files]
         elif rectify:
             self._rectifier = rectify_mono(lens)
+        if self._rectifier is not None:
+            self._camera = resize_camera(self._rectifier.camera, shrunk_size(self.size, max_side))
         truth = mav0 / "state_groundtruth_estimate0" / "data.csv"
-        self._poses: list[NDArray[np.float64] | None] = [None] * len(self._left.files)
         if truth.exists():
-            files.append(truth)
-            self._poses = self._poses_from(truth, T_body_camera, tolerance)
-        self.fingerprint = files_fingerprint(files, "euroc 1", rectify, tolerance, max_side)
+            read.append(truth)
+            self._poses = self._poses_from(truth, left.times, T_body_camera, tolerance)
+        self.fingerprint = files_fingerprint(read, "euroc 1", rectify, tolerance, max_side)
         self._kept = image_cache(cache_dir if rectify else None, self.name, self.fingerprint)
-
-    def __len__(self) -> int:
-        return len(self._left.files)
 
     def frame(self, index: int) -> GreyImage:
         """Image ``index`` of cam0. Raises BadInputError when it can't be read or its size is not that of sensor.yaml."""
-        file = self._left.files[index]
+        file = self.files[index]
         return self._kept(f"cam0_{file.stem}", lambda: self._read(file, self._rectifier))
-
-    def frame_name(self, index: int) -> str:
-        """The sequence's name and the file's, which is its time."""
-        return f"{self.name}_{self._left.files[index].stem}"
-
-    def camera(self, index: int) -> Camera | None:
-        """The same for every frame; None if not rectified."""
-        if self._rectifier is None:
-            return None
-        return resize_camera(self._rectifier.camera, shrunk_size(self.size, self.max_side))
-
-    def pose(self, index: int) -> FloatArray | None:
-        """``T_world_camera``; None where the truth has no state near that time."""
-        return self._poses[index]
 
     def right(self, index: int) -> GreyImage | None:
         """Image of cam1; None if not rectified, without cam1, or where it has none near that time."""
-        if self._right is None or self._partner[index] < 0:
-            return None
-        file = self._right.files[self._partner[index]]
-        return self._kept(f"cam1_{file.stem}", lambda: self._read(file, self._right_rectifier))
-
-    def baseline(self) -> float | None:
-        """Metres from cam0 to cam1; None if there are no right images."""
-        return self._baseline
-
-    def time(self, index: int) -> float:
-        """Seconds on the clock of the data set."""
-        return float(self._left.times[index]) * 1e-9
+        file = self._partners[index]
+        return (
+            None if file is None else self._kept(f"cam1_{file.stem}", lambda: self._read(file, self._right_rectifier))
+        )
 
     def _read(self, file: Path, rectifier: Rectifier | None) -> GreyImage:
         image = read_grey(file)
-        if image.shape != (self.size[1], self.size[0]):
-            raise BadInputError(
-                f"{file} is {image.shape[1]}x{image.shape[0]}, but its sensor.yaml says {self.size[0]}x{self.size[1]}"
-            )
+        expect_size(image, self.size, str(file), "its sensor.yaml says")
         return resize_max_side(image if rectifier is None else rectifier(image), self.max_side)
 
-    def _poses_from(self, truth: Path, T_body_camera: FloatArray, tolerance: float) -> list[NDArray[np.float64] | None]:
+    def _poses_from(
+        self, truth: Path, times: NDArray[np.int64], T_body_camera: FloatArray, tolerance: float
+    ) -> list[NDArray[np.float64] | None]:
         """The pose of each frame from the state nearest in time, None where none is near."""
         states = read_states(truth)
-        index = nearest_in_time(self._left.times, states.times, NANOSECONDS * tolerance)
-        if np.all(index < 0):
-            spans = [f"{t[0] * 1e-9:.3f} to {t[-1] * 1e-9:.3f} s" for t in (states.times, self._left.times)]
+        poses = joined_in_time(times, states.times, states.T_world_body, NANOSECONDS * tolerance)
+        if all(T_world_body is None for T_world_body in poses):
+            spans = [f"{t[0] * 1e-9:.3f} to {t[-1] * 1e-9:.3f} s" for t in (states.times, times)]
             raise BadInputError(
                 f"{truth} is from {spans[0]} and the images of cam0 from {spans[1]}: the ground truth does not overlap in "
                 f"time within data.tolerance={tolerance:g} s, so it is of another sequence or clock"
             )
-        self._warn_of(index, "pose", tolerance)
+        self._warn_of(poses, "pose", tolerance)
         T_camera_rectified = np.eye(4)
         if self._rectifier is not None:
             T_camera_rectified[:3, :3] = self._rectifier.rotation.T
         T_body_rectified = T_body_camera @ T_camera_rectified
-        return [states.T_world_body[i] @ T_body_rectified if i >= 0 else None for i in index]
+        return [None if T_world_body is None else T_world_body @ T_body_rectified for T_world_body in poses]
 
-    def _warn_of(self, index: NDArray[np.int64], what: str, tolerance: float) -> None:
-        lacking = int(np.sum(index < 0))
+    def _warn_of(self, parts: Sequence[object], what: str, tolerance: float) -> None:
+        lacking = sum(part is None for part in parts)
         if lacking:
-            log.warning("%s: %d of %d frames have no %s within %g s", self.name, lacking, len(index), what, tolerance)
+            log.warning("%s: %d of %d frames have no %s within %g s", self.name, lacking, len(parts), what, tolerance)
 
 
 def euroc(

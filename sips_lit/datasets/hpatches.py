@@ -61,11 +61,7 @@ class HPatchesSequence(ImageSequence):
     temporal = False
 
     def __init__(
-        self,
-        folder: Path,
-        max_side: int | None = 1000,
-        synthetic_scales: Sequence[float] = (),
-        cache_dir: str | Path | None = None,
+        self, folder: Path, max_side: int | None, synthetic_scales: Sequence[float], cache_dir: str | Path | None
     ) -> None:
         self.name = safe_name(folder.resolve().name)
         files = [_image(folder, number) for number in IMAGES]
@@ -125,7 +121,11 @@ def hpatches(
     sequence of the split or of the names.
     """
     check_max_side(max_side)
-    _check_scales(synthetic_scales)
+    scales = list(synthetic_scales)
+    if any(not 0.1 <= scale <= 4 or scale == 1 for scale in scales) or len(set(scales)) < len(scales):
+        raise BadInputError(
+            f"data.synthetic_scales is {scales}: give different factors from 0.1 to 4 without 1, such as [0.5, 0.71]"
+        )
     if kind is not None and kind not in PREFIX:
         raise BadInputError(f"data.kind is {kind}: it must be viewpoint, illumination, or null for both")
     root = Path(path)
@@ -172,13 +172,6 @@ def _stored_size(file: Path) -> tuple[int, int] | None:
         return image_size(file)
     except BadInputError:
         return None
-
-
-def _check_scales(scales: Sequence[float]) -> None:
-    if any(not 0.1 <= scale <= 4 or scale == 1 for scale in scales) or len(set(scales)) < len(scales):
-        raise BadInputError(
-            f"data.synthetic_scales is {list(scales)}: give different factors from 0.1 to 4 without 1, such as [0.5, 0.71]"
-        )
 
 
 def _resized_image(

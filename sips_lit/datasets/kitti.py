@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import (
     expect,
+    expect_files,
     files_fingerprint,
     read_pose_rows,
     read_rows,
@@ -18,10 +19,10 @@ from sips_lit.datasets.layout import (
     to_numbers,
     wrong_layout,
 )
+from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.datasets.spec import DatasetSpec, any_of, at_least
 from sips_lit.datasets.split_lists import split_names
 from sips_lit.errors import BadInputError
-from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
 from sips_lit.frames.images import check_max_side, shrunk_size
 from sips_lit.frames.listing import list_images
@@ -36,90 +37,60 @@ PLACES = ("sequences/[0-9][0-9]/", "dataset/sequences/[0-9][0-9]/", "[0-9][0-9]/
 log = logging.getLogger(__name__)
 
 
-class KittiSequence(ImageSequence):
+class KittiSequence(MeasuredSequence, FolderSequence):
     """The left images of one sequence, with the right ones, poses and times where they are there.
 
-    ``folder`` holds calib.txt and the folders of images; ``poses_file`` is for the left grey camera. The number in an
-    image's name is its row of the poses and times. Raises BadInputError when something is missing or does not fit.
+    ``folder`` holds calib.txt and the folders of images; ``poses_file`` is for the left grey camera, whose place at the
+    first frame is the world. Times count from the start of the sequence. The number in an image's name is its row of the
+    poses and times. Raises BadInputError when something is missing or does not fit.
     """
 
     def __init__(self, folder: Path, poses_file: Path, colour: bool = False, max_side: int | None = None) -> None:
-        self.folder, self.name = folder, safe_name(f"kitti_{folder.name}")
         number = 2 if colour else 0
-        self._left = FolderSequence(folder / f"image_{number}", _images(folder, number), max_side)
-        self._numbers = [_number(file) for file in self._left.files]
+        super().__init__(folder / f"image_{number}", _images(folder, number), max_side, f"kitti_{folder.name}")
+        self._numbers = [_number(file) for file in self.files]
         projections = read_projections(expect(folder / "calib.txt", LAYOUT))
         if number not in projections:
             raise BadInputError(f"{folder / 'calib.txt'} has no line P{number}:, the camera of image_{number}")
         P = projections[number]
-        size = self._left.size
-        self._camera = resize_camera(Camera(P[:, :3], size), shrunk_size(size, max_side))
+        self._camera = resize_camera(Camera(P[:, :3], self.size), shrunk_size(self.size, max_side))
         self._right: FolderSequence | None = None
-        self._baseline: float | None = None
         right_folder = folder / f"image_{number + 1}"
         if right_folder.is_dir() and number + 1 in projections:
-            self._right = FolderSequence(right_folder, _partners(right_folder, self._left.files), max_side)
+            partners = [right_folder / file.name for file in self.files]
+            hint = f"download {right_folder.name} whole, or remove it to do without stereo"
+            expect_files(partners, "right images", hint)
+            self._right = FolderSequence(right_folder, partners, max_side)
             self._baseline = float((offset(P) - offset(projections[number + 1]))[0])
-        files, listed = [folder / "calib.txt"], 0
-        self._poses: NDArray[np.float64] | None = None
+        read, listed = [folder / "calib.txt"], 0
         if poses_file.exists():
-            files.append(poses_file)
+            read.append(poses_file)
             poses = read_pose_rows(poses_file)
-            listed = max(listed, len(poses))
-            self._poses = self._rows(poses, poses_file)
-            self._poses[:, :3, 3] -= self._poses[:, :3, :3] @ offset(P)  # from the left grey camera to this one
-        self._times: NDArray[np.float64] | None = None
+            listed = len(poses)
+            self._poses = own = self._rows(poses, poses_file)
+            own[:, :3, 3] -= own[:, :3, :3] @ offset(P)  # from the left grey camera to this one
         if (folder / "times.txt").exists():
-            files.append(folder / "times.txt")
+            read.append(folder / "times.txt")
             times = read_table(folder / "times.txt", 1)[:, 0]
             listed = max(listed, len(times))
             self._times = self._rows(times, folder / "times.txt")
         if listed > len(self._numbers):
-            log.warning("%s: %d of %d images of %s are there", self.name, len(self), listed, self._left.folder)
+            log.warning("%s: %d of %d images of %s are there", self.name, len(self), listed, self.folder)
         right = self._right.fingerprint if self._right else None
-        self.fingerprint = files_fingerprint(files, "kitti 1", self._left.fingerprint, right, colour, max_side)
-
-    def __len__(self) -> int:
-        return len(self._left)
-
-    def frame(self, index: int) -> GreyImage:
-        """Left image ``index``. Raises BadInputError when it can't be read or is not of the size of the first one."""
-        return self._left.frame(index)
-
-    def frame_name(self, index: int) -> str:
-        """The sequence's name and the number in the file's name."""
-        return f"{self.name}_{self._left.frame_name(index)}"
-
-    def camera(self, index: int) -> Camera:
-        """The same for every frame."""
-        return self._camera
-
-    def pose(self, index: int) -> FloatArray | None:
-        """``T_world_camera``; the world is the left grey camera of the sequence's first frame."""
-        return None if self._poses is None else self._poses[index]
+        self.fingerprint = files_fingerprint(read, "kitti 1", self.fingerprint, right, colour, max_side)
 
     def right(self, index: int) -> GreyImage | None:
         """Right image ``index``. Raises BadInputError when it can't be read or is not of the size of the left ones."""
         if self._right is None:
             return None
-        if self._right.size != self._left.size:
-            raise BadInputError(
-                f"the images of {self._right.folder} are not of the size of those of {self._left.folder}"
-            )
+        if self._right.size != self.size:
+            raise BadInputError(f"the images of {self._right.folder} are not of the size of those of {self.folder}")
         return self._right.frame(index)
-
-    def baseline(self) -> float | None:
-        """Metres between the two cameras."""
-        return self._baseline
-
-    def time(self, index: int) -> float | None:
-        """Seconds since the start of the sequence."""
-        return None if self._times is None else float(self._times[index])
 
     def _rows(self, table: NDArray[np.float64], file: Path) -> NDArray[np.float64]:
         """The rows of the table that belong to the images."""
         if max(self._numbers) >= len(table):
-            last = self._left.files[int(np.argmax(self._numbers))]
+            last = self.files[int(np.argmax(self._numbers))]
             raise BadInputError(
                 f"{file} has {len(table)} rows, too few for {last}: the images and the file are of different sequences, or "
                 "one of them was not downloaded whole"
@@ -213,17 +184,6 @@ def _images(folder: Path, number: int) -> list[Path]:
             f"or download the {kind} images"
         )
     raise wrong_layout(f"{place} with two images or more", place if files else folder, LAYOUT)
-
-
-def _partners(folder: Path, left: Sequence[Path]) -> list[Path]:
-    partners = [folder / file.name for file in left]
-    absent = [file for file in partners if not file.is_file()]
-    if absent:
-        raise BadInputError(
-            f"{len(absent)} of {len(left)} right images are missing, the first is {absent[0]}: download {folder.name} "
-            "whole, or remove it to do without stereo"
-        )
-    return partners
 
 
 def _number(file: Path) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError
 from sips_lit.files import read_text
 
-SHOWN = 6  # entries of a folder that an error lists
+SHOWN = 6  # names that an error lists
 
 
 def expect(path: Path, layout: str) -> Path:
@@ -23,6 +24,13 @@ def expect(path: Path, layout: str) -> Path:
     if not path.exists():
         raise wrong_layout(str(path), path.parent, layout)
     return path
+
+
+def expect_files(files: Sequence[Path], what: str, hint: str) -> None:
+    """Raises BadInputError where files are missing: how many of ``what``, the first of them, and what to do."""
+    absent = [file for file in files if not file.is_file()]
+    if absent:
+        raise BadInputError(f"{len(absent)} of {len(files)} {what} are missing, the first is {absent[0]}: {hint}")
 
 
 def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
@@ -34,10 +42,8 @@ def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
 
 
 def wrong_layout(missing: str, place: Path, layout: str) -> BadInputError:
-    """The error for a folder that lacks something: one sentence with what was looked for, what is there, the layout.
-
-    ``missing``: what was looked for; ``place``: the folder where it should be; ``layout``: how it should be, as in
-    "a KITTI sequence has image_0/000000.png, ... and calib.txt".
+    """The error for a folder ``place`` that lacks what was looked for, ``missing``: one sentence with what is there, and the
+    ``layout`` as it should be, such as "a KITTI sequence has image_0/000000.png, ... and calib.txt".
     """
     return BadInputError(f"there is no {missing}: {describe_place(place)}; {layout}")
 
@@ -51,10 +57,20 @@ def describe_place(place: Path) -> str:
         exists = "" if nearest is None else f" (the folder {nearest} exists)"
         return f"the folder {place} does not exist{exists}"
     entries = sorted(p.name + "/" * p.is_dir() for p in place.iterdir() if not p.name.startswith("."))
-    if not entries:
-        return f"the folder {place} is empty"
-    more = f" and {len(entries) - SHOWN} more" if len(entries) > SHOWN else ""
-    return f"{place} has {', '.join(entries[:SHOWN])}{more}"
+    return f"{place} has {some_of(entries)}" if entries else f"the folder {place} is empty"
+
+
+def some_of(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    first = ", ".join(names[:SHOWN])
+    return f"{first} and {len(names) - SHOWN} more" if len(names) > SHOWN else first
+
+
+def expect_size(image: NDArray[Any], size: tuple[int, ...], what: str, whose: str, hint: str = "") -> None:
+    """Raises BadInputError where an image (H, W) is not of ``size`` (W, H): "``what`` is 4x3, but ``whose`` 5x3``hint``"."""
+    height, width = image.shape
+    if (width, height) != size:
+        raise BadInputError(f"{what} is {width}x{height}, but {whose} {size[0]}x{size[1]}{hint}")
 
 
 def read_rows(path: Path, delimiter: str | None = None) -> list[tuple[int, list[str]]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import expect, files_fingerprint, read_pose_rows, read_table, wrong_layout
+from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
 from sips_lit.frames.folder import FolderSequence
@@ -21,10 +22,11 @@ LAYOUT = (
 )
 
 
-class PosedDepthSequence(FolderSequence):
+class PosedDepthSequence(FolderSequence, MeasuredSequence):
     """The images of ``folder``, with one camera, the pose of each, and its depth from an archive that is read as needed.
 
-    Raises BadInputError when something is missing or does not fit.
+    The world of the poses is the first camera where poses.txt is made so. Raises BadInputError when something is missing or
+    does not fit.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -42,15 +44,6 @@ class PosedDepthSequence(FolderSequence):
             )
         self._check_names()
         self.fingerprint = files_fingerprint([poses, camera, self.archive], "posed depth 1", self.fingerprint)
-
-    def camera(self, index: int) -> Camera:
-        """The same for every frame."""
-        return self._camera
-
-    def pose(self, index: int) -> FloatArray:
-        """``T_world_camera``; the world is the first camera where poses.txt is made so."""
-        pose: FloatArray = self._poses[index]
-        return pose
 
     def depth(self, index: int) -> FloatArray:
         """Depth (H, W) float32 in metres, NaN where unknown. Raises BadInputError when it is not of the image's size."""

@@ -1,4 +1,4 @@
-"""The data sets that are known: those of this package, and those that installed packages offer.
+"""The data sets that are known: those of this package, plain images and videos, and those that installed packages offer.
 
 A package offers a data set by an entry point of the group ``sips_lit.datasets`` that leads to its `DatasetSpec`.
 """
@@ -8,12 +8,37 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 
 from sips_lit import datasets
 from sips_lit.datasets.spec import DatasetSpec
 from sips_lit.errors import BadInputError
+from sips_lit.frames.folder import folder
+from sips_lit.frames.listing import VIDEO_SUFFIXES, list_images
+from sips_lit.frames.video import find_videos, video
 
 GROUP = "sips_lit.datasets"
+
+
+def count_images(path: Path) -> str | None:
+    """The sign of a folder of images: how many it has."""
+    count = len(list_images(path)) if path.is_dir() else 0
+    return f"{count} images" if count else None
+
+
+def count_videos(path: Path) -> str | None:
+    """The sign of videos: the name of a video file, or how many a folder has."""
+    if path.is_file():
+        return path.name if path.suffix.lower() in VIDEO_SUFFIXES else None
+    try:
+        count = len(find_videos(path))
+    except BadInputError:
+        return None
+    return f"{count} video{'s' * (count > 1)}"
+
+
+VIDEOS = DatasetSpec(kind="video", title="video", loader=video, signs=(count_videos,), rank=1, videos=find_videos)
+IMAGES = DatasetSpec(kind="folder", title="folder of images", loader=folder, signs=(count_images,), rank=2, family=True)
 
 
 def find_specs() -> list[DatasetSpec]:
@@ -23,7 +48,7 @@ def find_specs() -> list[DatasetSpec]:
     """
     names = [f"{datasets.__name__}.{module.name}" for module in pkgutil.iter_modules(datasets.__path__)]
     ours = [spec for name in names if (spec := getattr(importlib.import_module(name), "SPEC", None))]
-    return sorted([*map(_load, entry_points(group=GROUP)), *ours], key=lambda spec: spec.rank)
+    return sorted([*map(_load, entry_points(group=GROUP)), *ours, VIDEOS, IMAGES], key=lambda spec: spec.rank)
 
 
 def _load(entry_point: EntryPoint) -> DatasetSpec:

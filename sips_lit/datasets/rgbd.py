@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sips_lit.datasets.layout import describe_place, expect, read_pose_rows, wrong_layout
+from sips_lit.datasets.layout import expect, read_pose_rows, wrong_layout
 from sips_lit.datasets.rgbd_sequence import RgbdFrames, RgbdSequence
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.datasets.tum_rgbd import read_tum
@@ -51,7 +51,7 @@ def rgbd(
         below = list_folders(root) if root.is_dir() else []
         folders = {f"{root.resolve().name}_{p.name}": p for p in below if _is_sequence(p)}
     if not folders:
-        raise BadInputError(f"there is no RGB-D sequence at {root}: {describe_place(root)}; {LAYOUT}")
+        raise wrong_layout(f"RGB-D sequence at {root}", root, LAYOUT)
     sequences: list[ImageSequence] = []
     for name, folder in folders.items():
         tum = (folder / "rgb.txt").exists()
@@ -81,12 +81,11 @@ def read_simple(folder: Path) -> RgbdFrames:
             f"{folder} has {len(images)} images in color/, {len(depths)} depth maps in depth/ and {len(poses)} rows in "
             "poses.txt: there must be as many of each; something was not downloaded whole"
         )
-    pairs = zip(images, depths, strict=True)
-    odd = next((pair for pair in pairs if _number(pair[0]) != _number(pair[1])), None)
-    if odd is not None:
-        raise BadInputError(
-            f"{odd[0]} and {odd[1]} should be of one moment, but have different numbers: a file of {folder} is missing"
-        )
+    for image, depth in zip(images, depths, strict=True):
+        if _number(image) != _number(depth):
+            raise BadInputError(
+                f"{image} and {depth} should be of one moment, but have different numbers: a file of {folder} is missing"
+            )
     camera, unit = _read_camera(camera_file)
     return RgbdFrames(images, list(depths), list(poses), None, camera, None, unit, [table, camera_file])
 
@@ -118,20 +117,18 @@ def _without_incomplete(folder: Path, frames: RgbdFrames, drop: bool) -> RgbdFra
     depthless, poseless = (sum(part is None for part in parts) for parts in (frames.depths, frames.poses))
     if not depthless and not poseless:
         return frames
+    fate = (
+        "they are left out" if drop else "pairs with them have no pose and depth (data.drop_incomplete=true drops them)"
+    )
     warnings.warn(
         f"of {len(frames.images)} images of {folder} {depthless} have no depth map and {poseless} no pose of their time: "
-        + (
-            "they are left out"
-            if drop
-            else "pairs with them have no pose and depth (data.drop_incomplete=true drops them)"
-        ),
+        f"{fate}",
         stacklevel=3,
     )
     if not drop:
         return frames
-    kept = [
-        i for i, (d, p) in enumerate(zip(frames.depths, frames.poses, strict=True)) if d is not None and p is not None
-    ]
+    parts = zip(frames.depths, frames.poses, strict=True)
+    kept = [i for i, (depth, pose) in enumerate(parts) if depth is not None and pose is not None]
     if len(kept) < 2:
         raise BadInputError(f"only {len(kept)} images of {folder} have a depth map and a pose: nothing can be paired")
     return replace(

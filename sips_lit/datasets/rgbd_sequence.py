@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.depth_image import read_depth_image, to_metres
-from sips_lit.datasets.layout import files_fingerprint
+from sips_lit.datasets.layout import expect_size, files_fingerprint
+from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
-from sips_lit.frames.images import resize_max_side, shrunk_size
+from sips_lit.frames.images import read_stored, resize_max_side, shrunk_size
 from sips_lit.geometry.resize import resize_camera
-from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
+from sips_lit.types import Camera, FloatArray, GreyImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +39,13 @@ class RgbdFrames:
     tables: list[Path]
 
 
-class RgbdSequence(ImageSequence):
+class RgbdSequence(MeasuredSequence):
     """Images with registered depth maps and poses. Distorted images are undistorted, and with them the depth."""
 
     def __init__(self, folder: Path, name: str, frames: RgbdFrames, max_side: int | None = None) -> None:
         self._images = FolderSequence(folder, frames.images)
-        self._frames, self.max_side = frames, max_side
-        self.name = safe_name(name)
+        self.name, self.files, self.max_side = safe_name(name), frames.images, max_side
+        self._frames, self._poses, self._times = frames, frames.poses, frames.times
         self.fingerprint = files_fingerprint(
             [*frames.images, *(depth for depth in frames.depths if depth), *frames.tables],
             [(depth and depth.name, pose is None) for depth, pose in zip(frames.depths, frames.poses, strict=True)],
@@ -59,34 +60,16 @@ class RgbdSequence(ImageSequence):
             pinhole, self._maps = undistortion(frames.camera, frames.distortion)
         self._camera = resize_camera(pinhole, shrunk_size(pinhole.size, max_side))
 
-    def __len__(self) -> int:
-        return len(self._frames.images)
-
     def frame(self, index: int) -> GreyImage:
         """Image ``index`` as grey. Raises BadInputError when it can't be read, or its size is not that of the camera."""
         image = self._images.frame(index)
-        if image.shape[::-1] != self._stored.size:
-            raise BadInputError(
-                f"{self._frames.images[index]} is {image.shape[1]}x{image.shape[0]}, but its camera is for "
-                f"{self._stored.size[0]}x{self._stored.size[1]}: the intrinsics are not of these images"
-            )
+        hint = ": the intrinsics are not of these images"
+        expect_size(image, self._stored.size, str(self.files[index]), "its camera is for", hint)
         if self._maps is not None:
             image = np.asarray(
                 cv2.remap(image, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8
             )
         return resize_max_side(image, self.max_side)
-
-    def frame_name(self, index: int) -> str:
-        """The sequence's name and the image's."""
-        return f"{self.name}_{self._frames.images[index].stem}"
-
-    def camera(self, index: int) -> Camera:
-        """The same for every frame."""
-        return self._camera
-
-    def pose(self, index: int) -> FloatArray | None:
-        """``T_world_camera``, or None where it was not measured."""
-        return self._frames.poses[index]
 
     def depth(self, index: int) -> NDArray[np.float32] | None:
         """Depth (H, W) in metres, of the size of the frame, NaN where unknown; None where there is no map.
@@ -97,19 +80,13 @@ class RgbdSequence(ImageSequence):
         path = self._frames.depths[index]
         if path is None:
             return None
-        stored = read_depth_image(path, self._stored.size)
+        stored: NDArray[Any] = read_depth_image(path, self._stored.size)
         if self._maps is not None:
-            stored = np.asarray(
-                cv2.remap(stored, *self._maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT), np.uint16
-            )
-        if self._camera.size != self._stored.size:
-            resized = cv2.resize(stored, self._camera.size, interpolation=cv2.INTER_NEAREST_EXACT)
-            stored = np.asarray(resized, np.uint16)
+            stored = cv2.remap(stored, *self._maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)
+        size = shrunk_size(self._stored.size, self.max_side)
+        if size != self._stored.size:
+            stored = cv2.resize(stored, size, interpolation=cv2.INTER_NEAREST_EXACT)
         return to_metres(stored, self._frames.unit)
-
-    def time(self, index: int) -> float | None:
-        """When the image was taken, in seconds."""
-        return None if self._frames.times is None else self._frames.times[index]
 
 
 def undistortion(
@@ -123,3 +100,23 @@ def undistortion(
     matrix, _ = cv2.getOptimalNewCameraMatrix(camera.matrix, coefficients, camera.size, 0)
     x, y = cv2.initUndistortRectifyMap(camera.matrix, coefficients, np.eye(3), matrix, camera.size, cv2.CV_32FC1)
     return Camera(np.asarray(matrix, np.float64), camera.size), (np.asarray(x, np.float32), np.asarray(y, np.float32))
+
+
+def read_depth_image(path: Path, size: tuple[int, int]) -> NDArray[np.uint16]:
+    """The stored values (H, W) of a depth image that must have ``size`` (W, H); 0 means unknown.
+
+    Raises BadInputError when the file can't be read, has no 16-bit values, or is of another size.
+    """
+    image = read_stored(path)
+    if image.dtype != np.uint16 or image.ndim != 2:
+        raise BadInputError(f"the depth map {path} has values of type {image.dtype}: it must be a grey 16-bit image")
+    hint = ": depth must be registered to the image, pixel by pixel"
+    expect_size(image, size, f"the depth map {path}", "its image is", hint)
+    return image
+
+
+def to_metres(stored: NDArray[np.uint16], unit: float) -> NDArray[np.float32]:
+    """Depth (H, W) in metres; ``unit`` is the length of one step. NaN where nothing is stored."""
+    depth = stored * np.float32(unit)
+    depth[stored == 0] = np.nan
+    return depth

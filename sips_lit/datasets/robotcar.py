@@ -6,6 +6,7 @@ development kit, so there is no camera here, and no right image of a rectified p
 
 from __future__ import annotations
 
+import itertools
 import logging
 import re
 from collections.abc import Iterator, Sequence
@@ -14,7 +15,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sips_lit.datasets.layout import describe_place, files_fingerprint, read_rows, wrong_layout
+from sips_lit.datasets.layout import expect_size, files_fingerprint, read_rows, wrong_layout
+from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.datasets.split_lists import only_split
 from sips_lit.errors import BadInputError
@@ -42,8 +44,8 @@ LAYOUT = (
 log = logging.getLogger(__name__)
 
 
-class RobotCarSequence(ImageSequence):
-    """Consecutive images of one camera: raw Bayer ``files`` named by their time in microseconds.
+class RobotCarSequence(MeasuredSequence):
+    """Consecutive images of one camera: raw Bayer ``files`` named by their time in microseconds since 1970.
 
     ``crop_bottom``: rows of pixels that are left out below; ``max_side``: then shrink images whose longer side exceeds it.
     """
@@ -53,36 +55,23 @@ class RobotCarSequence(ImageSequence):
     ) -> None:
         self.name, self.files, self.max_side = safe_name(name), list(files), max_side
         self.crop_bottom, self._conversion = crop_bottom, BAYER[camera]
+        self._times = [int(file.stem) / 1e6 for file in self.files]
         self.fingerprint = files_fingerprint(self.files, "robotcar 1", camera, crop_bottom, max_side)
-        self._shape: tuple[int, ...] | None = None
-
-    def __len__(self) -> int:
-        return len(self.files)
+        self._size: tuple[int, ...] | None = None
 
     def frame(self, index: int) -> GreyImage:
         """Frame ``index``. Raises BadInputError when it can't be read, is not raw, or not of the size of the first."""
         raw = read_raw(self.files[index])
-        if self._shape is None:
-            self._shape = raw.shape if index == 0 else read_raw(self.files[0]).shape
-        if raw.shape != self._shape:
-            raise BadInputError(
-                f"{self.files[index]} is {raw.shape[1]}x{raw.shape[0]}, but {self.files[0].name} is "
-                f"{self._shape[1]}x{self._shape[0]}: the images of a camera have one size, download it again"
-            )
+        if self._size is None:
+            self._size = (raw if index == 0 else read_raw(self.files[0])).shape[::-1]
+        hint = ": the images of a camera have one size, download it again"
+        expect_size(raw, self._size, str(self.files[index]), f"{self.files[0].name} is", hint)
         if self.crop_bottom > raw.shape[0] - 16:
             raise BadInputError(
                 f"data.crop_bottom is {self.crop_bottom}, but the images are {raw.shape[0]} pixels high: lower it"
             )
         grey = np.asarray(cv2.cvtColor(raw, self._conversion), np.uint8)
         return resize_max_side(grey[: raw.shape[0] - self.crop_bottom], self.max_side)
-
-    def frame_name(self, index: int) -> str:
-        """The sequence's name and the image's time in microseconds."""
-        return f"{self.name}_{self.files[index].stem}"
-
-    def time(self, index: int) -> float:
-        """When the frame was taken, in seconds since 1970."""
-        return int(self.files[index].stem) / 1e6
 
 
 def robotcar(
@@ -135,19 +124,6 @@ def read_raw(path: Path) -> GreyImage:
     return np.asarray(image, np.uint8)
 
 
-def read_timestamps(file: Path) -> list[int]:
-    """The times in microseconds of ``<camera>.timestamps``, whose rows are time and number of the archive.
-
-    Raises BadInputError with the line that has no such time.
-    """
-    times = []
-    for line, fields in read_rows(file):
-        if not (fields[0].isascii() and fields[0].isdigit()):
-            raise BadInputError(f"line {line} of {file} begins with {fields[0]!r}, not a time in microseconds")
-        times.append(int(fields[0]))
-    return times
-
-
 def _find_runs(path: Path, camera: str) -> dict[str, list[Path]]:
     """By date the folders of runs that have images of the camera: several where archives were unpacked side by side."""
     # a link may bear the date, or what it leads to
@@ -168,37 +144,27 @@ def _stretches(date: str, folders: list[Path], camera: str) -> list[list[Path]]:
     there = {image.name: image for folder in folders for image in (folder / camera).glob("*.png")}
     listed = sorted({time for folder in folders for time in _timestamps(folder, camera)})
     stretches: list[list[Path]] = []
-    previous: int | None = None  # time of the image before, if it is there
-    for time in listed:
-        image = there.get(f"{time}.png")
-        if image is None:
-            previous = None
+    for before, time in itertools.pairwise([-LONGEST_GAP, *listed]):
+        if f"{time}.png" not in there:
             continue
-        if previous is None or time - previous > LONGEST_GAP:
+        if time - before > LONGEST_GAP or f"{before}.png" not in there:
             stretches.append([])
-        stretches[-1].append(image)
-        previous = time
-    found = sum(map(len, stretches))
-    if found < len(listed):
-        log.warning(
-            "robotcar %s: %d of %d images of %s are there, in %d stretches",
-            date,
-            found,
-            len(listed),
-            camera,
-            len(stretches),
-        )
+        stretches[-1].append(there[f"{time}.png"])
+    counts = (sum(map(len, stretches)), len(listed), camera, len(stretches))
+    if counts[0] < len(listed):
+        log.warning("robotcar %s: %d of %d images of %s are there, in %d stretches", date, *counts)
     return stretches
 
 
 def _timestamps(folder: Path, camera: str) -> Iterator[int]:
-    name = f"{camera.split('/')[0]}.timestamps"
-    file = folder / name
+    """The times in microseconds of ``<camera>.timestamps``, whose rows are time and number of the archive."""
+    file = folder / f"{camera.split('/')[0]}.timestamps"
     if not file.is_file():
-        raise BadInputError(
-            f"there is no {file}, which every archive of the camera has: {describe_place(folder)}; {LAYOUT}"
-        )
-    yield from read_timestamps(file)
+        raise wrong_layout(f"{file}, which every archive of the camera has", folder, LAYOUT)
+    for line, fields in read_rows(file):
+        if not (fields[0].isascii() and fields[0].isdigit()):
+            raise BadInputError(f"line {line} of {file} begins with {fields[0]!r}, not a time in microseconds")
+        yield int(fields[0])
 
 
 def _camera_there(path: Path) -> dict[str, str]:

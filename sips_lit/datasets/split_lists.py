@@ -8,10 +8,10 @@ from typing import TypeVar
 
 import yaml
 
+from sips_lit.datasets.layout import some_of
 from sips_lit.errors import BadInputError
 
 T = TypeVar("T")
-SHOWN = 6  # names that an error lists
 FOLDER = Path(__file__).parent / "splits"
 
 
@@ -40,12 +40,7 @@ def only_split(dataset: str, there: Mapping[str, T], split: str | None, path: st
     missing = [name for name in wanted if name not in there]
     if missing or not wanted:
         raise BadInputError(
-            f"data.split={split} needs {_listed(missing) or 'sequences, but names none'}, and {path} has "
-            f"{_listed(list(there))}: download what is missing, or set data.split=null for what is there"
+            f"data.split={split} needs {some_of(missing) or 'sequences, but names none'}, and {path} has "
+            f"{some_of(list(there))}: download what is missing, or set data.split=null for what is there"
         )
     return {name: there[name] for name in wanted}
-
-
-def _listed(names: list[str]) -> str:
-    first = ", ".join(names[:SHOWN])
-    return f"{first} and {len(names) - SHOWN} more" if len(names) > SHOWN else first

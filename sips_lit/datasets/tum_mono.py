@@ -12,10 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.camera_file import read_fov_camera, read_rectified_camera
-from sips_lit.datasets.layout import describe_place, expect, files_fingerprint, read_rows, to_numbers
-from sips_lit.datasets.photometric import PhotometricCorrection, read_inverse_response, read_vignette
-from sips_lit.datasets.spec import DatasetSpec, at_least
+from sips_lit.datasets.calibration import (
+    PhotometricCorrection,
+    read_fov_camera,
+    read_inverse_response,
+    read_rectified_camera,
+    read_vignette,
+)
+from sips_lit.datasets.layout import expect, expect_size, files_fingerprint, read_rows, to_numbers, wrong_layout
+from sips_lit.datasets.measured import MeasuredSequence
+from sips_lit.datasets.spec import DatasetSpec, any_of, at_least
 from sips_lit.datasets.split_lists import only_split
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
@@ -34,7 +40,7 @@ LAYOUT = (
 )
 
 
-class MonoSequence(ImageSequence):
+class MonoSequence(MeasuredSequence):
     """One sequence: ``folder`` with ``images.zip`` or ``images/``, and the text files.
 
     ``photometric``: undo the camera's response and vignette (``pcalib.txt``, ``vignette.png``); exposure times stay.
@@ -45,12 +51,7 @@ class MonoSequence(ImageSequence):
     """
 
     def __init__(
-        self,
-        folder: Path,
-        photometric: bool = False,
-        geometric: bool = False,
-        max_side: int | None = None,
-        cache_dir: str | Path | None = None,
+        self, folder: Path, photometric: bool, geometric: bool, max_side: int | None, cache_dir: str | Path | None
     ) -> None:
         self.folder, self.max_side = folder, max_side
         self.name = safe_name(f"tum_mono_{folder.name}")
@@ -63,13 +64,13 @@ class MonoSequence(ImageSequence):
         if photometric or geometric:
             files.append(expect(folder / "camera.txt", LAYOUT))
             self._lens = read_fov_camera(files[-1])
-            self._pinhole = read_rectified_camera(files[-1], self._lens) if geometric else None
+        if self._lens is not None and geometric:
+            self._pinhole = pinhole = read_rectified_camera(files[-1], self._lens)
+            self._camera = resize_camera(pinhole, shrunk_size(pinhole.size, max_side))
         if self._lens is not None and photometric:
             files += [expect(folder / name, LAYOUT) for name in ("pcalib.txt", "vignette.png")]
             self._response, self._vignette = read_inverse_response(files[-2]), files[-1]
-            read_vignette(
-                self._vignette, self._lens.size
-            )  # a bad one is refused now; its table is made when it is needed
+            read_vignette(self._vignette, self._lens.size)  # a bad one is refused now; its table is made when needed
         options = (photometric, geometric, max_side)
         self.fingerprint = files_fingerprint(files, "tum_mono 1", self._images.fingerprint, *options)
         self._kept = image_cache(cache_dir if photometric or geometric else None, self.name, self.fingerprint)
@@ -83,11 +84,9 @@ class MonoSequence(ImageSequence):
 
     def _corrected(self, index: int) -> GreyImage:
         image = self._images.frame(index)
-        if self._lens is not None and image.shape != self._lens.size[::-1]:
-            raise BadInputError(
-                f"image {self._images.frame_name(index)} of {self.folder} is {image.shape[1]}x{image.shape[0]}, but line 2 "
-                f"of its camera.txt says {self._lens.size[0]}x{self._lens.size[1]}: they are of different cameras"
-            )
+        if self._lens is not None:
+            name, hint = f"image {self._images.frame_name(index)} of {self.folder}", ": they are of different cameras"
+            expect_size(image, self._lens.size, name, "line 2 of its camera.txt says", hint)
         if self._correction is not None:
             image = self._correction(image)
         if self._rectification is not None:
@@ -97,16 +96,6 @@ class MonoSequence(ImageSequence):
     def frame_name(self, index: int) -> str:
         """The sequence's name and that of the image file."""
         return f"{self.name}_{self._images.frame_name(index)}"
-
-    def camera(self, index: int) -> Camera | None:
-        """Of the rectified images, the same for all; None where they are not rectified."""
-        if self._pinhole is None:
-            return None
-        return resize_camera(self._pinhole, shrunk_size(self._pinhole.size, self.max_side))
-
-    def time(self, index: int) -> float:
-        """When the frame was taken, in seconds."""
-        return float(self._times[index])
 
     @cached_property
     def _correction(self) -> PhotometricCorrection | None:
@@ -169,13 +158,12 @@ def _images(folder: Path) -> FolderSequence | ZipSequence:
 
 def _sequence_folders(path: Path) -> dict[str, Path]:
     """The sequences by the name of their folder; half of one counts as one, so that the error names what is missing."""
-    parts = ("images.zip", "images", "camera.txt", "times.txt")
-    if any((path / part).exists() for part in parts):
+    parts = any_of("images.zip", "images", "camera.txt", "times.txt")
+    if parts(path):
         return {path.resolve().name: path.resolve()}
-    folders = list_folders(path) if path.is_dir() else []
-    found = {sub.name: sub for sub in folders if any((sub / part).exists() for part in parts)}
+    found = {sub.name: sub for sub in list_folders(path) if parts(sub)} if path.is_dir() else {}
     if not found:
-        raise BadInputError(f"there is no sequence in {path}: {describe_place(path)}; {LAYOUT}")
+        raise wrong_layout(f"sequence in {path}", path, LAYOUT)
     return found
 
 

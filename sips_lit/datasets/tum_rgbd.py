@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.association import nearest_in_time
 from sips_lit.datasets.layout import expect, listed_file, read_rows, read_table, to_numbers
+from sips_lit.datasets.measured import joined_in_time
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.errors import BadInputError
 from sips_lit.frames.image_size import image_size
@@ -40,27 +40,16 @@ def read_tum(folder: Path, tolerance: float, intrinsics: Sequence[float] | None 
     times, images = _read_list(tables[0])
     depth_times, depths = _read_list(tables[1])
     truth = read_table(tables[2], 8)
-    within = tolerance + ROUNDING
-    nearest_depth = nearest_in_time(times, depth_times, within)
-    nearest_pose = nearest_in_time(times, truth[:, 0], within)
-    for nearest, what, other in ((nearest_depth, tables[1], depth_times), (nearest_pose, tables[2], truth[:, 0])):
-        if (nearest < 0).all():
+    own_depths = joined_in_time(times, depth_times, depths, tolerance + ROUNDING)
+    own_poses = joined_in_time(times, truth[:, 0], _poses(truth, tables[2]), tolerance + ROUNDING)
+    for parts, what, other in ((own_depths, tables[1], depth_times), (own_poses, tables[2], truth[:, 0])):
+        if all(part is None for part in parts):
             raise BadInputError(
                 f"{what} does not overlap in time with rgb.txt: it has {other.min():.3f} to {other.max():.3f} s, the images "
                 f"{times.min():.3f} to {times.max():.3f} s, and none is within {tolerance:g} s"
             )
-    poses = _poses(truth, tables[2])
     camera, distortion = _calibration(folder, images[0], intrinsics)
-    return RgbdFrames(
-        images,
-        [None if at < 0 else depths[at] for at in nearest_depth],
-        [None if at < 0 else poses[at] for at in nearest_pose],
-        times.tolist(),
-        camera,
-        distortion,
-        METRES_A_STEP,
-        tables,
-    )
+    return RgbdFrames(images, own_depths, own_poses, times.tolist(), camera, distortion, METRES_A_STEP, tables)
 
 
 def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path]]:

@@ -47,8 +47,8 @@ class Path6D:
 
     def at(self, frame: int) -> NDArray[np.float64]:
         """The six coordinates (6,) at a frame."""
-        waves: NDArray[np.float64] = (self.amplitude * np.sin(self.frequency * frame + self.phase)).sum(1)
-        return self.centre + waves
+        waves = self.amplitude * np.sin(self.frequency * frame + self.phase)
+        return np.asarray(self.centre + waves.sum(1), np.float64)
 
 
 def random_path(generator: np.random.Generator) -> Path6D:
@@ -137,8 +137,7 @@ class VirtualFlight(ImageSequence):
         plane = np.array([[magnify, 0, place[0]], [0, magnify, place[1]], [0, 0, 1]])
         rotation, _ = cv2.Rodrigues(np.array([tilt_x, tilt_y, 0.0]))
         spin, _ = cv2.Rodrigues(np.array([0.0, 0.0, roll]))
-        to_still: NDArray[np.float64] = plane @ rotation @ spin @ self._to_ray
-        return to_still
+        return np.asarray(plane @ rotation @ spin @ self._to_ray, np.float64)
 
 
 def virtual_flight(

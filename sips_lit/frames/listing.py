@@ -17,6 +17,7 @@ VIDEO_SUFFIXES = frozenset(
     | {".ts", ".mts", ".m2ts", ".3gp", ".3g2", ".ogv", ".mxf", ".gif", ".ivf", ".y4m", ".dv"}
     | {".mjpeg", ".mjpg", ".h264", ".264", ".h265", ".265", ".hevc"}  # raw streams
 )
+LEFT_BEHIND = frozenset({"__MACOSX", "@eaDir", "lost+found"})
 SHOWN = 4  # names in a message
 EPOCH_DIGITS = 9  # of a time in seconds since 1970
 _NUMBER = re.compile(r"(\D*)(\d+)(?:\.(\d+))?(\D*)")
@@ -41,8 +42,10 @@ def visible_files(folder: str | Path) -> list[Path]:
 
 
 def list_folders(folder: str | Path) -> list[Path]:
-    """The folders in a folder, sorted; hidden ones are passed over."""
-    return sorted(p for p in Path(folder).iterdir() if p.is_dir() and not p.name.startswith("."))
+    """The folders in a folder, sorted; hidden ones and those that systems leave behind are passed over."""
+    return sorted(
+        p for p in Path(folder).iterdir() if p.is_dir() and not p.name.startswith(".") and p.name not in LEFT_BEHIND
+    )
 
 
 def warn_of_others(folder: Path, read: Sequence[Path], kind: str) -> None:

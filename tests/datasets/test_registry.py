@@ -7,8 +7,8 @@ from hydra.utils import get_object
 from omegaconf import OmegaConf
 
 from sips_lit.cli.app import CONF_DIR
-from sips_lit.datasets import image_folder, kitti, videos
-from sips_lit.datasets.registry import find_specs
+from sips_lit.datasets import kitti
+from sips_lit.datasets.registry import IMAGES, VIDEOS, find_specs
 from sips_lit.errors import BadInputError
 
 ROOT = Path(__file__).parents[2]
@@ -24,7 +24,7 @@ def test_every_published_data_set_has_a_spec():
 
 
 def test_images_and_videos_come_after_all_layouts():
-    assert find_specs()[-2:] == [videos.SPEC, image_folder.SPEC]
+    assert find_specs()[-2:] == [VIDEOS, IMAGES]
     assert kitti.SPEC in find_specs()[:-2]
 
 
@@ -73,3 +73,35 @@ def test_an_entry_point_that_leads_nowhere(installed, entry_point, problem):
     installed(entry_point=entry_point)
     with pytest.raises(BadInputError, match=rf"the entry point walks = {entry_point} of sips_lit\.datasets {problem}"):
         find_specs()
+
+
+def test_visible_images_of_a_folder(tmp_path):
+    assert IMAGES.sign(tmp_path) is None
+    for name in ("1.png", "2.JPG", ".3.png", "notes.txt"):
+        (tmp_path / name).touch()
+    assert IMAGES.sign(tmp_path) == "2 images"
+    assert IMAGES.sign(tmp_path / "1.png") is None
+
+
+@pytest.mark.parametrize(
+    ("files", "sign"),
+    [
+        (["a.mp4"], "1 video"),
+        (["a.MP4", "b.avi", "c.txt"], "2 videos"),
+        ([".a.mp4", "c.txt"], None),
+        (["more/a.mp4"], None),
+        ([], None),
+    ],
+)
+def test_visible_videos_of_a_folder(tmp_path, files, sign):
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert VIDEOS.sign(tmp_path) == sign
+
+
+def test_a_video_file(tmp_path):
+    for name in ("a.mkv", "list.txt"):
+        (tmp_path / name).touch()
+    assert VIDEOS.sign(tmp_path / "a.mkv") == "a.mkv"
+    assert VIDEOS.sign(tmp_path / "list.txt") is None

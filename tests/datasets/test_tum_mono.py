@@ -11,7 +11,7 @@ import pytest
 from textured_scenes import texture
 from tum_mono_files import NARROW, RESPONSE, SIZE, WIDE, vignette, write_sequence
 
-from sips_lit.datasets.camera_file import read_fov_camera
+from sips_lit.datasets.calibration import read_fov_camera
 from sips_lit.datasets.tum_mono import tum_mono
 from sips_lit.errors import BadInputError
 

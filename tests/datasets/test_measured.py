@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sips_lit.datasets.association import nearest_in_time
+from sips_lit.datasets.measured import nearest_in_time
 
 TIMES = st.lists(st.integers(0, 60), max_size=8)
 OTHERS = st.lists(st.integers(0, 60), min_size=1, max_size=8)
