@@ -34,7 +34,7 @@ class SourceSampler:
     """
 
     def __init__(self, sources: Sequence[Source], indexes: Sequence[OverlapIndex], overlap: float, seed: int) -> None:
-        self.seed = seed
+        self.seed, self.indexes = seed, list(indexes)
         self.samplers = []
         taken = 0
         for source in sources:

@@ -41,12 +41,7 @@ def label_pair(
 def _in_parts(check: PreparedCheck, independent: bool, matches: Matches, parallel: Map, parts: int) -> Inliers:
     if parts == 1 or not independent:
         return check(matches)
-    chunks = [
-        Matches(index0, index1)
-        for index0, index1 in zip(
-            np.array_split(matches.index0, parts), np.array_split(matches.index1, parts), strict=True
-        )
-    ]
+    chunks = map(Matches, np.array_split(matches.index0, parts), np.array_split(matches.index1, parts))
     answers = list(parallel(check, chunks))
     return Inliers(
         np.concatenate([answer.inlier for answer in answers]),

@@ -11,9 +11,8 @@ from sips_lit.frames.source import Source
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.source_pairs import SourceSampler
 from sips_lit.train.augment import Augmentation
-from sips_lit.train.dataset import PackedPairs, TrainingPairs
+from sips_lit.train.dataset import PackedPairs, SkippedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead
-from sips_lit.train.skipped import SkippedPairs
 
 LENGTH = 14
 WHY = "clip/002.png is damaged: replace or remove it"
