@@ -12,7 +12,7 @@ from sips_lit.frames.source import Source
 from sips_lit.pairs.build import build_indexes, require_readable
 from sips_lit.pairs.overlap import OverlapParameters
 from sips_lit.pairs.pair_file import ListedPair, read_pair_file
-from sips_lit.pairs.source_pairs import SourceSampler
+from sips_lit.pairs.sampler import SourceSampler
 
 Kind = Literal["random", "first_to_others"]
 

@@ -1,8 +1,12 @@
-"""Indexing of recordings one by one: nothing is kept of a recording but a few numbers, and one that fails stops no other."""
+"""Indexing of recordings one by one: nothing is kept of a recording but a few numbers, and one that fails stops no other.
+
+Several machines may each take a share of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +20,6 @@ from sips_lit.frames.recording import Recording
 from sips_lit.pairs.build import measure, stored_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
 from sips_lit.progress import Progress, progress
-from sips_lit.types import ImageSequence
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +43,20 @@ class IndexedSequence:
     def failed(self) -> bool:
         """Whether there is no index."""
         return not self.sequence
+
+
+def share(recordings: Iterable[Recording], shard: str) -> list[Recording]:
+    """Share ``i/n`` of the recordings in the order of ``where``: number i, i + n, i + 2n, ..., counted from 1.
+
+    Every recording is in exactly one of the shares 1/n to n/n. Raises BadInputError for anything but 1 <= i <= n.
+    """
+    written = re.fullmatch(r"(\d+)/(\d+)", shard)
+    number, count = (int(written[1]), int(written[2])) if written else (0, 0)
+    if not 1 <= number <= count:
+        raise BadInputError(
+            f"shard is {shard}: give a part and the number of parts, 1/4, 2/4, 3/4 or 4/4 for four of them"
+        )
+    return sorted(recordings, key=lambda recording: recording.where)[number - 1 :: count]
 
 
 def index_recordings(
@@ -73,27 +90,19 @@ def _index(
         if not sequences:
             raise BadInputError(f"{recording.where} has no shot of two frames or more")
         for sequence in sequences:
-            index = _up_to_date(sequence, folder, parameters, frames)
-            rows.append(_summary(recording.where, sequence.name, index, overlap))
+            whole, start, stop = sequence.source_range()
+            index = stored_index(whole, folder, parameters)
+            if index is None:
+                frames.total = (frames.total or 0) + len(whole)
+                index = measure(whole, folder, parameters, frames.update)
+            rows.append(_summary(recording.where, sequence.name, index.part(start, stop), overlap))
     except (BadInputError, OSError, cv2.error) as error:  # what a damaged file may raise
         rows.append(IndexedSequence(recording.where, "", problem=" ".join(str(error).split())))
     return rows
 
 
-def _up_to_date(
-    sequence: ImageSequence, folder: Path, parameters: OverlapParameters, frames: Progress[Never]
-) -> OverlapIndex:
-    whole, start, stop = sequence.source_range()
-    index = stored_index(whole, folder, parameters)
-    if index is None:
-        frames.total = (frames.total or 0) + len(whole)
-        index = measure(whole, folder, parameters, frames.update)
-    return index if stop - start == len(whole) else index.part(start, stop)
-
-
 def _summary(recording: str, name: str, index: OverlapIndex, overlap: float) -> IndexedSequence:
     reach = index.reach(overlap)
-    problem = next(iter(index.unreadable.values()), "")
     return IndexedSequence(
         recording,
         name,
@@ -102,5 +111,5 @@ def _summary(recording: str, name: str, index: OverlapIndex, overlap: float) -> 
         reach=int(np.median(reach)) if len(index) else 0,
         pairs=int(reach.sum()),
         unreadable=len(index.unreadable),
-        problem=problem,
+        problem=next(iter(index.unreadable.values()), ""),
     )

@@ -63,9 +63,8 @@ def write_table(folder: Path) -> Path:
         writer.writerow(COLUMNS)
         writer.writerows(dataclasses.astuple(row) for name in sorted(merged) for row in merged[name])
         write_whole(folder / TABLE, text.getvalue().encode())
-        if (
-            _shares(folder) == files
-        ):  # else another machine wrote in between, and its table may be the one just replaced
+        # else another machine wrote in between, and its table may be the one just replaced
+        if _shares(folder) == files:
             return folder / TABLE
 
 

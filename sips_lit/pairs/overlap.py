@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import io
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -15,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import make_folder, write_whole
 from sips_lit.geometry.homography import apply_homography
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import GreyImage, ImageSequence
@@ -82,6 +77,8 @@ class OverlapIndex:
 
     def part(self, start: int, stop: int) -> OverlapIndex:
         """The index of frames ``start`` to ``stop`` (exclusive), counted from ``start``."""
+        if stop - start == len(self):
+            return self
         ends = np.minimum(self.offsets[start + 1 : stop + 1], self.offsets[start:stop] + np.arange(stop - start)[::-1])
         rows = [self.survivors[a:b] for a, b in zip(self.offsets[start:stop], ends, strict=True)]
         unreadable = {index - start: why for index, why in self.unreadable.items() if start <= index < stop}
@@ -236,35 +233,3 @@ def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArr
     inside = best[row, column]
     y, x = row * 2 * block + inside // (2 * block), column * 2 * block + inside % (2 * block)
     return np.stack([2 * x + 0.5, 2 * y + 0.5], 1).astype(np.float32)
-
-
-def index_path(folder: Path, sequence: ImageSequence) -> Path:
-    """Where the index of a sequence is stored."""
-    digest = hashlib.sha256(f"{sequence.name}|{sequence.fingerprint}".encode()).hexdigest()[:8]
-    return folder / f"{sequence.name}-{digest}.overlap.npz"
-
-
-def save_index(path: Path, index: OverlapIndex, signature: Mapping[str, Any]) -> None:
-    """Writes an index atomically: a reader sees the old file or the new one, never half of one.
-
-    Raises BadInputError when the folder can't be written (full disk, no permission).
-    """
-    content, text = io.BytesIO(), np.array(json.dumps(signature, sort_keys=True))
-    why = np.array(json.dumps({str(frame): reason for frame, reason in index.unreadable.items()}))
-    np.savez(
-        content, survivors=index.survivors, offsets=index.offsets, points=index.points, unreadable=why, signature=text
-    )
-    make_folder(path.parent)
-    write_whole(path, content.getvalue())
-
-
-def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:
-    """The stored index, or None if there is none, it is damaged, or it was made from other frames or parameters."""
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            if json.loads(str(stored["signature"])) != json.loads(json.dumps(signature)):
-                return None
-            unreadable = {int(frame): why for frame, why in json.loads(str(stored["unreadable"])).items()}
-            return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"], unreadable)
-    except Exception:  # a damaged zip file can raise almost anything, and an index can always be measured again
-        return None

@@ -17,8 +17,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources, split_tail
 from sips_lit.pairs.build import build_indexes, unreadable_frames
 from sips_lit.pairs.overlap import OverlapParameters
-from sips_lit.pairs.sampler import PairChoice, read_pair
-from sips_lit.pairs.source_pairs import FixedPairs, SourceSampler
+from sips_lit.pairs.sampler import FixedPairs, PairChoice, SourceSampler, read_pair
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, SkippedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead

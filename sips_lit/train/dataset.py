@@ -17,8 +17,7 @@ from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
-from sips_lit.pairs.sampler import read_pair
-from sips_lit.pairs.source_pairs import FixedPairs, SourcePair, SourceSampler
+from sips_lit.pairs.sampler import FixedPairs, SourcePair, SourceSampler, read_pair
 from sips_lit.train.augment import Augmentation
 from sips_lit.types import InlierCheck
 

@@ -18,7 +18,7 @@ from torch.utils.data import DataLoader, Subset
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
 from sips_lit.inliers.point_labels import PointLabels
-from sips_lit.pairs.source_pairs import SourcePair
+from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedPairs, unpack
 from sips_lit.train.labelling import label_pair
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
