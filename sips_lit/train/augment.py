@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.geometry.mirror import flip_camera, flip_homography, flip_pose
+from sips_lit.geometry.image_changes import flip_camera, flip_homography, flip_pose
 from sips_lit.types import FramePair, GreyImage, ViewGeometry
 
 SHARPNESS = 0.5  # pixels: the standard deviation of the blur that one pixel is taken to have

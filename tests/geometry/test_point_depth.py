@@ -5,7 +5,7 @@ import numpy as np
 from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import ArraySequence, texture
 
-from sips_lit.geometry.mirror import flip_camera
+from sips_lit.geometry.image_changes import flip_camera
 from sips_lit.geometry.point_depth import View, views
 from sips_lit.geometry.projection import sample_depth
 from sips_lit.geometry.stereo import StereoMatcher
