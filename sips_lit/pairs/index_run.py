@@ -1,14 +1,18 @@
-"""Indexing of recordings one by one: nothing is kept of a recording but a few numbers, and one that fails stops no other.
+"""Indexing of recordings one by one, each machine its share: one that fails stops no other, and a few numbers are kept.
 
-Several machines may each take a share of them.
+The numbers of a share are a file, written by its machine, and a table has those of all.
 """
 
 from __future__ import annotations
 
+import csv
+import dataclasses
+import hashlib
+import io
+import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Never
 
@@ -16,13 +20,14 @@ import cv2
 import numpy as np
 
 from sips_lit.errors import BadInputError
+from sips_lit.files import make_folder, write_whole
 from sips_lit.frames.recording import Recording
 from sips_lit.pairs.build import measure, stored_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
 from sips_lit.progress import Progress, progress
 
 
-@dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(frozen=True, slots=True)
 class IndexedSequence:
     """What an overlap index says: ``points`` of a frame on average, the median ``reach`` in frames, and how many ``pairs``.
 
@@ -43,6 +48,10 @@ class IndexedSequence:
     def failed(self) -> bool:
         """Whether there is no index."""
         return not self.sequence
+
+
+COLUMNS = [field.name for field in dataclasses.fields(IndexedSequence)]
+TABLE = "summary.csv"
 
 
 def share(recordings: Iterable[Recording], shard: str) -> list[Recording]:
@@ -113,3 +122,73 @@ def _summary(recording: str, name: str, index: OverlapIndex, overlap: float) -> 
         unreadable=len(index.unreadable),
         problem=next(iter(index.unreadable.values()), ""),
     )
+
+
+class ShareSummary:
+    """What is known of the recordings of one share, in ``folder/summary-<data>-<i>of<n>.json``.
+
+    ``data``: text that tells data sets apart; ``recordings``: what is in the share now. What an earlier run wrote about
+    them stays until it is replaced.
+    """
+
+    def __init__(self, folder: Path, data: str, shard: str, recordings: Iterable[str]) -> None:
+        digest = hashlib.sha256(data.encode()).hexdigest()[:8]
+        self.folder, self.path = folder, folder / f"summary-{digest}-{shard.replace('/', 'of')}.json"
+        known = set(recordings)
+        self._rows = {name: rows for name, rows in _read(self.path).items() if name in known}
+
+    def add(self, rows: list[IndexedSequence]) -> None:
+        """Replaces what is known of a recording."""
+        self._rows[rows[0].recording] = rows
+
+    @property
+    def rows(self) -> list[IndexedSequence]:
+        """In the order of their recordings."""
+        return [row for name in sorted(self._rows) for row in self._rows[name]]
+
+    def write(self) -> Path:
+        """Writes the file of the share, and the table of all shares that there are now. Returns where the table is."""
+        make_folder(self.folder)
+        rows = [dataclasses.asdict(row) for row in self.rows]
+        write_whole(self.path, (json.dumps(rows, indent=1, ensure_ascii=False) + "\n").encode())
+        return write_table(self.folder)
+
+
+def write_table(folder: Path) -> Path:
+    """Makes ``summary.csv`` of the files of all shares; of a recording that is in several the newest counts.
+
+    Other machines may do the same at once: who writes last has seen the files of all.
+    """
+    while True:
+        files = _shares(folder)
+        merged: dict[str, list[IndexedSequence]] = {}
+        for path, _ in files:
+            merged |= _read(path)
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(dataclasses.astuple(row) for name in sorted(merged) for row in merged[name])
+        write_whole(folder / TABLE, text.getvalue().encode())
+        # else another machine wrote in between, and its table may be the one just replaced
+        if _shares(folder) == files:
+            return folder / TABLE
+
+
+def _shares(folder: Path) -> list[tuple[Path, int]]:
+    """The files of shares and when they were written, oldest first."""
+    found = [(path, path.stat().st_mtime_ns) for path in folder.glob("summary-*of*.json")]
+    return sorted(found, key=lambda item: (item[1], item[0]))
+
+
+def _read(path: Path) -> dict[str, list[IndexedSequence]]:
+    """Rows by recording; none if there is no file."""
+    rows: dict[str, list[IndexedSequence]] = {}
+    try:
+        for values in json.loads(path.read_text(encoding="utf-8")):
+            row = IndexedSequence(**values)
+            rows.setdefault(row.recording, []).append(row)
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise BadInputError(f"cannot read the summary {path} ({error}): remove it, it is made again") from error
+    return rows

@@ -35,9 +35,8 @@ class OverlapParameters:
 
     def signature(self, sequence: ImageSequence) -> dict[str, Any]:
         """What an index depends on; a stored one with another signature is stale."""
-        own = {key: value for key, value in asdict(self).items() if key != "tracker"}
         frames = {"name": sequence.name, "fingerprint": sequence.fingerprint, "frames": len(sequence)}
-        return {"version": VERSION, **own, "tracker": dict(self.tracker.parameters), **frames}
+        return {"version": VERSION, **asdict(self), "tracker": dict(self.tracker.parameters), **frames}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +60,7 @@ class OverlapIndex:
     def overlap(self, index: int) -> NDArray[np.float64]:
         """Overlap of frame ``index`` with frames index + 1, index + 2, ...; zero beyond the end."""
         row = self.survivors[self.offsets[index] : self.offsets[index + 1]]
-        overlap: NDArray[np.float64] = row / max(1, self.points[index])
-        return overlap
+        return np.asarray(row / max(1, self.points[index]), np.float64)
 
     def reach(self, overlap: float) -> NDArray[np.int64]:
         """For each frame (N,) how many later frames still have at least this overlap."""
@@ -91,12 +89,11 @@ def measure_overlap(
     """Index of a sequence: by KLT in one pass over its frames, or by geometry where it knows its homographies.
 
     A frame that can't be read is a break in the sequence. Raises BadInputError when at least half of them can't.
-
     Only two frames are held at a time; what grows with the video is the index itself, by at most 2 ``max_span`` bytes a
     frame.
     """
     planar = len(sequence) > 1 and sequence.homography(0, 1) is not None
-    points = np.zeros(len(sequence), np.int64)
+    points: list[int] = []
     rows: list[NDArray[np.uint16]] = []
     unreadable: dict[int, str] = {}
 
@@ -111,13 +108,12 @@ def measure_overlap(
                 ) from error
             return None
 
-    for index, point_count, finished in (
-        _map_all(sequence, read, parameters) if planar else _track_all(len(sequence), read, parameters)
-    ):
-        points[index] = point_count
+    measured = _map_all(sequence, read, parameters) if planar else _track_all(len(sequence), read, parameters)
+    for point_count, finished in measured:
+        points.append(point_count)
         rows += [np.array(row, np.uint16) for row in finished]
         on_frame()
-    return _as_index(rows, points, unreadable)
+    return _as_index(rows, np.array(points, np.int64), unreadable)
 
 
 def _as_index(
@@ -129,7 +125,7 @@ def _as_index(
 
 def _map_all(
     sequence: ImageSequence, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
-) -> Iterator[tuple[int, int, list[list[int]]]]:
+) -> Iterator[tuple[int, list[list[int]]]]:
     """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view.
 
     Where the order of the frames means nothing a point need not be in view in the frames between, and none is in view in a
@@ -152,7 +148,7 @@ def _map_all(
                 if not len(seen):
                     break
             row.append(int(inside.sum()))
-        yield index, len(grid), [row]
+        yield len(grid), [row]
 
 
 def _sizes(sequence: ImageSequence, read: Callable[[int], GreyImage | None]) -> list[tuple[int, ...] | None]:
@@ -171,11 +167,10 @@ def _sizes(sequence: ImageSequence, read: Callable[[int], GreyImage | None]) -> 
 
 def _track_all(
     length: int, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
-) -> Iterator[tuple[int, int, list[list[int]]]]:
-    """For each frame: its index, how many points it has, and the rows that end here, in the order of their frames.
+) -> Iterator[tuple[int, list[list[int]]]]:
+    """For each frame how many points it has, and the rows that end here, in the order of their frames.
 
     ``read`` gives a frame, or None where it can't be read: all tracks end there.
-
     One set of tracks serves all frames: the points of frame i are those alive in it, so its survivors in frame j are the
     tracks alive in j that were born in i or before. An earlier frame has fewer survivors, so rows end in order.
     """
@@ -207,7 +202,7 @@ def _track_all(
         if index == length - 1:
             finished += open_rows.values()
         previous = image
-        yield index, len(xy), finished
+        yield len(xy), finished
 
 
 def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArray[np.float32]:

@@ -1,8 +1,4 @@
-"""Augmentation that keeps labels right.
-
-Mirrors move every frame of a pair alike, photometric changes move nothing, and what turns and scales each image by itself
-(paper, HPatches training) is for pairs that a homography joins.
-"""
+"""Augmentation that keeps labels right."""
 
 from __future__ import annotations
 
@@ -63,7 +59,9 @@ class Augmentation:
         """A photometrically changed copy of an image (H, W) uint8."""
         height, width = image.shape
         u = generator.uniform(-1, 1, 6)
-        x = cv2.LUT(image, self._tone_curve(u))
+        grey = np.linspace(0, 1, 256) ** (self.gamma ** u[0])
+        tone_curve = ((grey - 0.5) * self.contrast ** u[1] + 0.5) * 255 + self.brightness * u[2]
+        x = cv2.LUT(image, tone_curve.astype(np.float32))
         angle, shade = np.pi * u[3], self.shade * abs(u[4])
         across = np.cos(angle) * np.linspace(-1, 1, width, dtype=np.float32)
         down = np.sin(angle) * np.linspace(-1, 1, height, dtype=np.float32)
@@ -71,18 +69,9 @@ class Augmentation:
         sigma = self.blur * abs(u[5])
         if sigma > 0.3:
             x = cv2.GaussianBlur(x, (0, 0), sigma)
-        x = x + self._noise(image.shape, generator)
-        changed: GreyImage = np.clip(x + 0.5, 0, 255).astype(np.uint8)
-        return changed
-
-    def _tone_curve(self, u: NDArray[np.float64]) -> NDArray[np.float32]:
-        grey = np.linspace(0, 1, 256) ** (self.gamma ** u[0])
-        curve = ((grey - 0.5) * self.contrast ** u[1] + 0.5) * 255 + self.brightness * u[2]
-        return np.asarray(curve, np.float32)
-
-    def _noise(self, shape: tuple[int, ...], generator: np.random.Generator) -> NDArray[np.float32]:
-        sigma = np.float32(self.noise * generator.random())
-        return generator.standard_normal(shape, np.float32) * sigma
+        noise = np.float32(self.noise * generator.random())
+        x = x + generator.standard_normal(image.shape, np.float32) * noise
+        return np.asarray(np.clip(x + 0.5, 0, 255), np.uint8)
 
 
 def mirror_pair(pair: FramePair, horizontal: bool, vertical: bool) -> FramePair:

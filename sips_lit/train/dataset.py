@@ -1,7 +1,4 @@
-"""Training pairs as a dataset, the count of those that can't be read, and how pairs pass between processes.
-
-Decoding and augmentation run in DataLoader workers.
-"""
+"""Training pairs, the count of those left out, and how pairs pass between processes: DataLoader workers make them."""
 
 from __future__ import annotations
 
