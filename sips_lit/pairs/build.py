@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
@@ -51,7 +52,11 @@ def stored_index(sequence: ImageSequence, folder: Path, parameters: OverlapParam
     It is not, either, when a frame can be read that could not: a disk may have been away.
     """
     index = load_index(index_path(folder, sequence), parameters.signature(sequence))
-    return None if index is None or any(_readable(sequence, frame) for frame in index.unreadable) else index
+    for frame in index.unreadable if index else ():
+        with contextlib.suppress(BadInputError):
+            sequence.frame(frame)
+            return None
+    return index
 
 
 def measure(
@@ -106,11 +111,3 @@ def require_readable(indexes: Sequence[OverlapIndex]) -> None:
 def unreadable_frames(indexes: Sequence[OverlapIndex]) -> list[str]:
     """Why frames can't be read, one sentence each."""
     return [why for index in indexes for why in index.unreadable.values()]
-
-
-def _readable(sequence: ImageSequence, frame: int) -> bool:
-    try:
-        sequence.frame(frame)
-    except BadInputError:
-        return False
-    return True

@@ -1,7 +1,4 @@
-"""Indexing of recordings one by one, each machine its share: one that fails stops no other, and a few numbers are kept.
-
-The numbers of a share are a file, written by its machine, and a table has those of all.
-"""
+"""Indexing of recordings one by one, each machine its share: one that fails stops no other; numbers of all are kept."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -77,12 +78,11 @@ class SourceSampler:
     def __init__(self, sources: Sequence[Source], indexes: Sequence[OverlapIndex], overlap: float, seed: int) -> None:
         self.seed, self.indexes = seed, list(indexes)
         self.samplers = []
-        taken = 0
+        remaining = iter(indexes)
         for source in sources:
-            own = indexes[taken : taken + len(source.sequences)]
+            own = list(itertools.islice(remaining, len(source.sequences)))
             names = [sequence.name for sequence in source.sequences[:3]]
             self.samplers.append(PairSampler(own, overlap, seed, names=names))
-            taken += len(source.sequences)
         weights = np.cumsum([source.weight for source in sources])
         self.cumulative_weight = weights / weights[-1]
 
@@ -107,14 +107,13 @@ class SourceSampler:
         return [drawn for drawn, used in chosen.items() if used]
 
 
+@dataclass(frozen=True, slots=True)
 class FixedPairs:
     """The same pairs every time, unaugmented, for validation and evaluation."""
 
-    def __init__(
-        self, sources: Sequence[Source], choices: Sequence[tuple[int, PairChoice]], default: InlierCheck
-    ) -> None:
-        self.sources, self.choices = list(sources), list(choices)
-        self.checks = [source.inliers or default for source in sources]
+    sources: Sequence[Source]
+    choices: Sequence[tuple[int, PairChoice]]
+    default: InlierCheck
 
     def __len__(self) -> int:
         return len(self.choices)
@@ -122,8 +121,7 @@ class FixedPairs:
     def __getitem__(self, index: int) -> SourcePair:
         """Pair ``index``; raises BadInputError when one of its frames can't be read."""
         at, choice = self.choices[index]
-        sequence = self.sources[at].sequences[choice.sequence]
-        check = self.checks[at]
+        sequence, check = self.sources[at].sequences[choice.sequence], self.sources[at].inliers or self.default
         return SourcePair(read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth), at)
 
 
@@ -140,17 +138,9 @@ def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool =
         )
     step = 1 if index1 > index0 else -1
     indices = range(index0, index1 + step, step) if between else (index0, index1)
-    frames = tuple(sequence.frame(index) for index in indices)
-    return FramePair(
-        name=f"{sequence.name}:{index0}-{index1}",
-        index0=index0,
-        index1=index1,
-        frames=frames,
-        image0=frames[0],
-        image1=frames[-1],
-        homography=sequence.homography(index0, index1),
-        geometry=_geometry(sequence, index0, index1, depth),
-    )
+    name, frames = f"{sequence.name}:{index0}-{index1}", tuple(sequence.frame(index) for index in indices)
+    homography, geometry = sequence.homography(index0, index1), _geometry(sequence, index0, index1, depth)
+    return FramePair(name, index0, index1, frames, frames[0], frames[-1], homography, geometry)
 
 
 def _geometry(sequence: ImageSequence, index0: int, index1: int, depth: bool) -> ViewGeometry | None:

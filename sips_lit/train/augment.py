@@ -79,29 +79,29 @@ def mirror_pair(pair: FramePair, horizontal: bool, vertical: bool) -> FramePair:
     if not (horizontal or vertical):
         return pair
 
-    def mirror(image: NDArray[Any]) -> NDArray[Any]:
-        return np.ascontiguousarray(image[:: -1 if vertical else 1, :: -1 if horizontal else 1])
+    turned = slice(None, None, -1 if vertical else 1), slice(None, None, -1 if horizontal else 1)
 
-    size0, size1 = ((image.shape[1], image.shape[0]) for image in (pair.image0, pair.image1))
+    def mirror(image: Any) -> Any:
+        return None if image is None else np.ascontiguousarray(image[turned])
+
     H, g = pair.homography, pair.geometry
-    return replace(
-        pair,
-        frames=tuple(mirror(frame) for frame in pair.frames),
-        image0=mirror(pair.image0),
-        image1=mirror(pair.image1),
-        homography=None if H is None else flip_homography(H, size0, size1, horizontal, vertical),
-        geometry=None
-        if g is None
-        else ViewGeometry(
+    if H is not None:
+        size0, size1 = ((image.shape[1], image.shape[0]) for image in (pair.image0, pair.image1))
+        H = flip_homography(H, size0, size1, horizontal, vertical)
+    if g is not None:
+        g = ViewGeometry(
             T_1_0=None if g.T_1_0 is None else flip_pose(g.T_1_0, horizontal, vertical),
             camera0=flip_camera(g.camera0, horizontal, vertical),
             camera1=flip_camera(g.camera1, horizontal, vertical),
-            depth0=None if g.depth0 is None else mirror(g.depth0),
-            depth1=None if g.depth1 is None else mirror(g.depth1),
-            right0=None if g.right0 is None else mirror(g.right0),
-            right1=None if g.right1 is None else mirror(g.right1),
+            depth0=mirror(g.depth0),
+            depth1=mirror(g.depth1),
+            right0=mirror(g.right0),
+            right1=mirror(g.right1),
             baseline=-g.baseline if horizontal and g.baseline is not None else g.baseline,
-        ),
+        )
+    frames = tuple(mirror(frame) for frame in pair.frames)
+    return replace(
+        pair, frames=frames, image0=mirror(pair.image0), image1=mirror(pair.image1), homography=H, geometry=g
     )
 
 

@@ -20,8 +20,7 @@ from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.frames.source import Source
-from sips_lit.geometry.homography import apply_homography
-from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.geometry.projection import apply_homography, sample_depth, transfer
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers

@@ -7,9 +7,8 @@ from hypothesis.extra.numpy import arrays
 from textured_scenes import texture
 
 from sips_lit.frames.images import resize_max_side
-from sips_lit.geometry.homography import apply_homography
 from sips_lit.geometry.image_changes import flip_camera, flip_homography, flip_pose, resize_camera
-from sips_lit.geometry.projection import transfer
+from sips_lit.geometry.projection import apply_homography, transfer
 from sips_lit.types import Camera
 
 SMALL = st.floats(-0.3, 0.3)
