@@ -30,9 +30,10 @@ class FovCamera:
         xy = np.asarray(xy, np.float64)
         radius = np.linalg.norm(xy, axis=1, keepdims=True)
         if self.omega > 0:
-            bent = np.arctan(radius * self._tangent()) / self.omega
+            tangent = 2 * np.tan(self.omega / 2)
+            bent = np.arctan(radius * tangent) / self.omega
             # at the centre the ratio of both radii is that of the slopes
-            xy = xy * np.divide(bent, radius, out=np.full_like(radius, self._tangent() / self.omega), where=radius > 0)
+            xy = xy * np.divide(bent, radius, out=np.full_like(radius, tangent / self.omega), where=radius > 0)
         return np.asarray(xy * self.matrix.diagonal()[:2] + self.matrix[:2, 2], np.float64)
 
     def undistort(self, pixels: FloatArray) -> NDArray[np.float64]:
@@ -44,13 +45,9 @@ class FovCamera:
         if self.omega == 0:
             return bent
         radius = np.linalg.norm(bent, axis=1, keepdims=True)
-        angle = radius * self.omega
-        straight = np.tan(angle) / self._tangent()
-        slope = np.full_like(radius, self.omega / self._tangent())
+        angle, tangent = radius * self.omega, 2 * np.tan(self.omega / 2)
+        straight, slope = np.tan(angle) / tangent, np.full_like(radius, self.omega / tangent)
         return np.where(angle < np.pi / 2, bent * np.divide(straight, radius, out=slope, where=radius > 0), np.nan)
-
-    def _tangent(self) -> float:
-        return float(2 * np.tan(self.omega / 2))
 
 
 def crop_camera(camera: FovCamera, size: tuple[int, int]) -> Camera:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,22 +23,18 @@ TRIES = 20
 TRUSTED = 50  # pairs left out before their share counts
 
 
-class TrainingPairs(Dataset[SourcePair]):
+@dataclass(slots=True)
+class TrainingPairs:
     """Pair number i of a run, the same whichever worker makes it and after whichever interruption.
 
     In place of a pair that can't be read another is drawn, until one can.
     """
 
-    def __init__(
-        self,
-        sources: Sequence[Source],
-        sampler: SourceSampler,
-        default: InlierCheck,
-        augmentation: Augmentation | None,
-        length: int,
-    ) -> None:
-        self.sources, self.sampler, self.augmentation, self.length = list(sources), sampler, augmentation, length
-        self.checks = [source.inliers or default for source in sources]
+    sources: Sequence[Source]
+    sampler: SourceSampler
+    default: InlierCheck
+    augmentation: Augmentation | None
+    length: int
 
     def __len__(self) -> int:
         return self.length
@@ -48,7 +44,7 @@ class TrainingPairs(Dataset[SourcePair]):
         skipped: list[str] = []
         for attempt in range(TRIES):
             at, choice = self.sampler.draw(attempt, index)  # a run is one long epoch: the sampler's epoch counts tries
-            sequence, check = self.sources[at].sequences[choice.sequence], self.checks[at]
+            sequence, check = self.sources[at].sequences[choice.sequence], self.sources[at].inliers or self.default
             try:
                 pair = read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
             except BadInputError as error:

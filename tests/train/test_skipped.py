@@ -146,7 +146,7 @@ def test_right_images_and_depth_count_as_parts_of_a_pair():
 
     sequence = NoRight(flight(8).frames, "clip")
     pairs = training_pairs(sequence, 40)
-    pairs.augmentation, pairs.checks = None, [Stereo()]
+    pairs.augmentation, pairs.default = None, Stereo()
     items = [pairs[index] for index in range(40)]
     assert {why for item in items for why in item.skipped} == {"right/3.png is damaged"}
     assert all(3 not in (item.pair.index0, item.pair.index1) for item in items)
