@@ -25,8 +25,7 @@ from sips_lit.frames.source import Source
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
-from sips_lit.pairs.choice import choose_pairs
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.pairs.choice import ListedPair, choose_pairs
 from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
 
 WIDTH, HEIGHT, STEP, K, N_MAX, SLOW_PAIRS = 1241, 376, 6, 10, 200, 10

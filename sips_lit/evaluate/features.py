@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from sips_lit.detect.sanitise import Defects, sanitise
 from sips_lit.errors import BadInputError
-from sips_lit.geometry.point_depth import View
+from sips_lit.geometry.projection import View
 from sips_lit.types import Descriptor, Detector, DisparityMatcher, Features, GreyImage
 
 

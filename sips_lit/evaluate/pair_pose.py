@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from sips_lit.geometry.point_depth import views
 from sips_lit.geometry.pose import rotation_error, translation_error
+from sips_lit.geometry.projection import views
 from sips_lit.inliers.stereo_p3p import PreparedStereoP3P, StereoP3PInliers
 from sips_lit.types import FloatArray, FramePair, Keypoints, Matches
 

@@ -14,9 +14,9 @@ from sips_lit.evaluate.feature_cache import image_key
 from sips_lit.evaluate.result import PairTable
 from sips_lit.frames.frame_cache import CachedSequence, FrameCache
 from sips_lit.frames.source import Source
-from sips_lit.geometry.point_depth import View, frame_view, views
 from sips_lit.geometry.pose import rotation_error, translation_error
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.geometry.projection import View, frame_view, views
+from sips_lit.pairs.choice import ListedPair
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.progress import progress
 from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Matches

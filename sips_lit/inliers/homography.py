@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sips_lit.errors import BadInputError
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.types import FramePair, Inliers, Keypoints, Matches, Reason
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.geometry.point_depth import View, views
-from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.geometry.projection import View, sample_depth, transfer, views
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.symmetric import symmetric
 from sips_lit.types import DisparityMatcher, FloatArray, FramePair, Inliers, Keypoints, Matches, Reason

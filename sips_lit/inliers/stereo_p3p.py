@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.pnp import ESTIMATOR, p3p_ransac
-from sips_lit.geometry.point_depth import views
 from sips_lit.geometry.pose import PoseEstimate
-from sips_lit.geometry.projection import back_project
+from sips_lit.geometry.projection import back_project, views
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.symmetric import symmetric
 from sips_lit.types import Camera, DisparityMatcher, FramePair, Inliers, Keypoints, Matches, Reason

@@ -19,9 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.geometry.homography import apply_homography
-from sips_lit.geometry.point_depth import View, views
-from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.geometry.projection import View, apply_homography, sample_depth, transfer, views
 from sips_lit.types import DisparityMatcher, FloatArray, FramePair, Keypoints, Matches
 
 

@@ -19,7 +19,7 @@ from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.frames.source import Source
 from sips_lit.inliers.pose_depth import PoseDepthInliers
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.pairs.choice import ListedPair
 from sips_lit.report.files import write_report
 from sips_lit.report.summary import main_budget
 from sips_lit.report.terminal import table

@@ -12,7 +12,7 @@ from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.pairs.choice import ListedPair
 
 
 def test_true_motions():

@@ -9,10 +9,10 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
+from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.geometry.pnp import p3p_ransac
 from sips_lit.geometry.pose import PoseEstimate, rotation_error, translation_error
 from sips_lit.geometry.projection import sample_depth, transfer
-from sips_lit.geometry.resize import resize_camera
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.inliers.verification import verify
 from sips_lit.pairs.sampler import read_pair
