@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from sips_lit.geometry.point_depth import views
+from sips_lit.geometry.point_depth import posed_views
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.inliers.stereo_p3p import PreparedStereoP3P, StereoP3PInliers
 from sips_lit.types import FloatArray, FramePair, Keypoints, Matches
@@ -59,7 +59,5 @@ def pair_pose(
     pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, check: StereoP3PInliers
 ) -> PairPose | None:
     """What estimates the pose of a pair; None where the true one is not known, or nothing tells the depth of any point."""
-    both, T_1_0 = views(pair), None if pair.geometry is None else pair.geometry.T_1_0
-    if both is None or T_1_0 is None or not (both[0].has_depth or both[1].has_depth):
-        return None
-    return PairPose(check.prepare(pair, keypoints0, keypoints1), T_1_0)
+    posed = posed_views(pair)
+    return None if posed is None else PairPose(check.prepare(pair, keypoints0, keypoints1), posed[2])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.geometry.projection import sample_depth
+from sips_lit.geometry.projection import inside, sample_depth, transfer
 from sips_lit.types import Camera, DisparityMatcher, FloatArray, FramePair, GreyImage, ImageSequence, Keypoints
 
 
@@ -57,6 +57,30 @@ def views(pair: FramePair) -> tuple[View, View] | None:
         View(pair.frames[0], g.camera0, g.depth0, g.right0, g.baseline),
         View(pair.frames[-1], g.camera1, g.depth1, g.right1, g.baseline),
     )
+
+
+def posed_views(pair: FramePair) -> tuple[View, View, FloatArray] | None:
+    """Both images and the ``T_1_0`` of a pair; None where its cameras, its pose or the depth of every point is not known."""
+    both, T_1_0 = views(pair), None if pair.geometry is None else pair.geometry.T_1_0
+    if both is None or T_1_0 is None or not (both[0].has_depth or both[1].has_depth):
+        return None
+    return *both, T_1_0
+
+
+def transfer_to_view(
+    xy: FloatArray, depth: FloatArray, here: View, there: View, T_there_here: FloatArray, occlusion: float
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Where N pixels (N, 2) with depths (N,) of one view are in the other (N, 2), NaN where unknown, and which it sees (N,).
+
+    A point is hidden where the depth map of the other view, if any, is nearer by more than ``occlusion`` (relative).
+    """
+    moved, distance = transfer(xy, depth, here.camera, there.camera, T_there_here)
+    visible = inside(moved, there.camera.size)
+    if there.depth is not None:
+        surface = sample_depth(there.depth, np.where(np.isfinite(moved), moved, -10))
+        with np.errstate(invalid="ignore"):
+            visible &= ~np.asarray(surface < distance * (1 - occlusion))
+    return moved, visible
 
 
 def frame_view(sequence: ImageSequence, index: int) -> View | None:

@@ -36,6 +36,13 @@ def project(points: FloatArray, camera: Camera) -> NDArray[np.float64]:
         return np.where(points[:, 2:] > 0, projected[:, :2] / projected[:, 2:], np.nan)
 
 
+def inside(xy: FloatArray, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which of N pixels (N, 2) are in an image of ``size`` (W, H), whose pixels reach from -0.5 to W - 0.5; not NaN ones."""
+    with np.errstate(invalid="ignore"):
+        within: NDArray[np.bool_] = ((xy >= -0.5) & (xy <= np.array(size) - 0.5)).all(axis=1)
+    return within
+
+
 def transfer(
     xy: FloatArray, depth: FloatArray, camera_from: Camera, camera_to: Camera, T_to_from: FloatArray
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

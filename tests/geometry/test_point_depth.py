@@ -6,7 +6,7 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import ArraySequence, texture
 
 from sips_lit.geometry.mirror import flip_camera
-from sips_lit.geometry.point_depth import View, views
+from sips_lit.geometry.point_depth import View, posed_views, transfer_to_view, views
 from sips_lit.geometry.projection import sample_depth
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.pairs.sampler import read_pair
@@ -90,3 +90,32 @@ def test_without_anything_that_tells_depth():
     assert not view.has_depth
     assert np.isnan(view.depth_at(np.array([[50, 60], [70, 80]]), STEREO)).tolist() == [True, True]
     assert views(read_pair(ArraySequence(SCENE.frames), 0, 1)) is None
+
+
+def test_posed_views_need_cameras_a_pose_and_any_depth():
+    pair = read_pair(StereoScene(2, "depth"), 0, 1)
+    view0, view1, T_1_0 = posed_views(pair)
+    assert view0.depth is pair.geometry.depth0
+    assert view1.depth is pair.geometry.depth1
+    assert T_1_0 is pair.geometry.T_1_0
+    assert posed_views(replace(pair, geometry=replace(pair.geometry, depth0=None))) is not None
+    assert posed_views(replace(pair, geometry=replace(pair.geometry, depth0=None, depth1=None))) is None
+    assert posed_views(replace(pair, geometry=replace(pair.geometry, T_1_0=None))) is None
+    assert posed_views(replace(pair, geometry=None)) is None
+
+
+def test_a_view_sees_what_is_inside_and_not_hidden():
+    camera = Camera(np.array([[10.0, 0, 4], [0, 10, 4], [0, 0, 1]]), (9, 9))
+    blank = np.zeros((9, 9), np.uint8)
+    here = View(blank, camera, None, None, None)
+    wall = np.full((9, 9), 2.0, np.float32)
+    wall[:, 5] = 1.8  # hides what is behind by more than 5 %
+    there = View(blank, camera, wall, None, None)
+    T = np.eye(4)
+    T[0, 3] = 0.2  # a pixel to the right, at 2 m
+    xy, depth = np.array([[3.0, 4], [4, 4], [8, 4], [4, 4]]), np.array([2.0, 2, 2, np.nan])
+    moved, visible = transfer_to_view(xy, depth, here, there, T, 0.05)
+    np.testing.assert_allclose(moved, [[4, 4], [5, 4], [9, 4], [np.nan, np.nan]], atol=1e-12)
+    assert visible.tolist() == [True, False, False, False]
+    assert transfer_to_view(xy, depth, here, there, T, 0.11)[1].tolist() == [True, True, False, False]
+    assert transfer_to_view(xy, depth, here, here, T, 0.05)[1].tolist() == [True, True, False, False]

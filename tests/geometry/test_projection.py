@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from sips_lit.geometry.projection import project, sample_depth, transfer
+from sips_lit.geometry.projection import inside, project, sample_depth, transfer
 from sips_lit.types import Camera
 
 DEPTH = np.arange(1, 13, dtype=np.float32).reshape(3, 4)  # 3 rows, 4 columns
@@ -92,3 +92,8 @@ def test_no_points():
     moved, depth = transfer(np.zeros((0, 2)), np.zeros(0), CAMERA0, CAMERA1, np.eye(4))
     assert moved.shape == (0, 2)
     assert depth.shape == (0,)
+
+
+def test_pixels_are_inside_up_to_their_outer_edges():
+    xy = [[-0.5, -0.5], [3.5, 2.5], [1, 1], [-0.6, 1], [3.6, 1], [1, -0.6], [1, 2.6], [np.nan, 1]]
+    assert inside(np.array(xy), (4, 3)).tolist() == [True] * 3 + [False] * 5
