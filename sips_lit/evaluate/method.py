@@ -19,6 +19,8 @@ from sips_lit.types import Descriptor, Detector
 
 VERSION: Final = 1
 """Of the code that makes features: a higher one makes all stored features stale."""
+LIBRARIES: Final = {"torch": torch.__version__, "opencv": cv2.__version__, "numpy": np.__version__}
+"""Versions that all numbers depend on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,7 @@ def signature_of(
         "descriptor": None if descriptor is None else _with_contents(descriptor_config),
         "weights": [weights_digest(part) for part in (detector, descriptor)],
         "code": [code_of(part) for part in parts],
-        "versions": {"torch": torch.__version__, "opencv": cv2.__version__, "numpy": np.__version__},
+        "versions": LIBRARIES,
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from sips_lit.evaluate.feature_cache import FeatureCache, image_key
+from sips_lit.evaluate.features import FeatureCache, image_key
 from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.method import Method
 from sips_lit.evaluate.pair_set import PairSet
