@@ -21,7 +21,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import FeatureCache, ImageFeatures, with_depth
 from sips_lit.evaluate.measure import PairMeasurement, measure_pair
 from sips_lit.evaluate.measures import Measures
-from sips_lit.evaluate.method import LIBRARIES, Method
+from sips_lit.evaluate.method import Method, library_versions
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult
 from sips_lit.files import safe_name
@@ -201,7 +201,7 @@ def versions() -> dict[str, str]:
     return {
         "sips_lit": importlib.metadata.version("sips_lit"),
         "poselib": importlib.metadata.version("poselib"),
-        **LIBRARIES,
+        **library_versions(),
     }
 
 

@@ -101,12 +101,7 @@ class Succinctness(Metric):
     def compute(self) -> dict[str, Tensor]:
         """The scalars of the summary, float32."""
         result = summarise(self.counts.cpu().numpy(), self.k)
-        scalars = {
-            "auc": result.auc,
-            "n_at_80": result.n_at_80,
-            "median": result.median,
-            "failure_rate": result.failure_rate,
-        }
+        scalars = {name: getattr(result, name) for name in ("auc", "n_at_80", "median", "failure_rate")}
         return {
             name: torch.tensor(torch.nan if value is None else value, dtype=torch.float32, device=self.counts.device)
             for name, value in scalars.items()
