@@ -13,7 +13,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.geometry.point_depth import View, posed_views, transfer_to_view
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.independent import IndependentCheck
-from sips_lit.inliers.symmetric import symmetric
+from sips_lit.inliers.point_labels import symmetric
 from sips_lit.types import DisparityMatcher, FloatArray, FramePair, Inliers, Keypoints, Matches, PreparedCheck, Reason
 
 

@@ -15,7 +15,7 @@ from sips_lit.geometry.point_depth import views
 from sips_lit.geometry.pose import PoseEstimate
 from sips_lit.geometry.projection import back_project
 from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.inliers.symmetric import symmetric
+from sips_lit.inliers.point_labels import symmetric
 from sips_lit.types import Camera, DisparityMatcher, FramePair, Inliers, Keypoints, Matches, Reason
 
 
