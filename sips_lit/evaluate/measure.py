@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.evaluate.measures import Measures
-from sips_lit.evaluate.result import AtBudget, FloatArray, PoseOutcome
+from sips_lit.evaluate.result import AtBudget, PoseOutcome
 from sips_lit.geometry.point_depth import posed_views
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.geometry.stereo import StereoMatcher
@@ -33,7 +33,7 @@ from sips_lit.inliers.verification import VerifiedPair, verify
 from sips_lit.match.mutual_nearest import distances, mutual_nearest_lifetimes
 from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
 from sips_lit.metrics.spread import spread
-from sips_lit.types import DisparityMatcher, Features, FramePair, InlierCheck, Keypoints, Matches, ScoreKind
+from sips_lit.types import DisparityMatcher, Features, FloatArray, FramePair, InlierCheck, Keypoints, Matches, ScoreKind
 
 
 class PoseErrors(NamedTuple):

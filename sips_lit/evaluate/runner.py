@@ -183,7 +183,7 @@ def summarise(
         points1=np.minimum(points1, measures.n_max),
         budgets={n: _at_budget(measured, n) for n in measures.every_n if all(n in m.budgets for m in measured)},
         calibration={n: _calibration(measured, n) for n in measures.calibration if n in measured[0].outcomes},
-        milliseconds=_mean_times(one.milliseconds for one in (*features.values(), *measured)),
+        milliseconds=_mean_times([*(f.milliseconds for f in features.values()), *(m.milliseconds for m in measured)]),
         defects=asdict(sum((entry.defects for entry in features.values()), Defects())),
     )
 

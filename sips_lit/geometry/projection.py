@@ -39,7 +39,7 @@ def project(points: FloatArray, camera: Camera) -> NDArray[np.float64]:
 def inside(xy: FloatArray, size: tuple[int, int]) -> NDArray[np.bool_]:
     """Which of N pixels (N, 2) are in an image of ``size`` (W, H), whose pixels reach from -0.5 to W - 0.5; not NaN ones."""
     with np.errstate(invalid="ignore"):
-        within: NDArray[np.bool_] = ((xy >= -0.5) & (xy <= np.array(size) - 0.5)).all(axis=1)
+        within: NDArray[np.bool_] = np.all((xy >= -0.5) & (xy <= np.array(size) - 0.5), axis=1)
     return within
 
 
