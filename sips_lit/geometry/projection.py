@@ -58,6 +58,30 @@ def views(pair: FramePair) -> tuple[View, View] | None:
     )
 
 
+def posed_views(pair: FramePair) -> tuple[View, View, FloatArray] | None:
+    """Both images and the ``T_1_0`` of a pair; None where its cameras, its pose or the depth of every point is not known."""
+    both, T_1_0 = views(pair), None if pair.geometry is None else pair.geometry.T_1_0
+    if both is None or T_1_0 is None or not (both[0].has_depth or both[1].has_depth):
+        return None
+    return *both, T_1_0
+
+
+def transfer_to_view(
+    xy: FloatArray, depth: FloatArray, here: View, there: View, T_there_here: FloatArray, occlusion: float
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Where N pixels (N, 2) with depths (N,) of one view are in the other (N, 2), NaN where unknown, and which it sees (N,).
+
+    A point is hidden where the depth map of the other view, if any, is nearer by more than ``occlusion`` (relative).
+    """
+    moved, distance = transfer(xy, depth, here.camera, there.camera, T_there_here)
+    visible = inside(moved, there.camera.size)
+    if there.depth is not None:
+        surface = sample_depth(there.depth, np.where(np.isfinite(moved), moved, -10))
+        with np.errstate(invalid="ignore"):
+            visible &= ~np.asarray(surface < distance * (1 - occlusion))
+    return moved, visible
+
+
 def frame_view(sequence: ImageSequence, index: int) -> View | None:
     """Frame ``index`` of a sequence with what tells depth in it: its depth map, else its stereo partner.
 
@@ -97,6 +121,13 @@ def project(points: FloatArray, camera: Camera) -> NDArray[np.float64]:
     projected = np.asarray(points @ camera.matrix.T, np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(points[:, 2:] > 0, projected[:, :2] / projected[:, 2:], np.nan)
+
+
+def inside(xy: FloatArray, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which of N pixels (N, 2) are in an image of ``size`` (W, H), whose pixels reach from -0.5 to W - 0.5; not NaN ones."""
+    with np.errstate(invalid="ignore"):
+        within: NDArray[np.bool_] = np.all((xy >= -0.5) & (xy <= np.array(size) - 0.5), axis=1)
+    return within
 
 
 def transfer(

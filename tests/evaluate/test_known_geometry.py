@@ -17,8 +17,8 @@ from wall_scene import Wall
 
 from sips_lit.datasets.virtual_flight import VirtualFlight
 from sips_lit.evaluate.measures import Measures
-from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.result import PoseOutcome
 from sips_lit.frames.source import Source
 from sips_lit.geometry.projection import apply_homography, sample_depth, transfer
 from sips_lit.inliers.homography import HomographyInliers

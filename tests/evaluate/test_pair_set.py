@@ -5,7 +5,7 @@ import pytest
 from wall_scene import Wall
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.feature_cache import image_key
+from sips_lit.evaluate.features import image_key
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.frames.frame_cache import FrameCache
 from sips_lit.frames.source import Source

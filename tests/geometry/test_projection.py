@@ -10,7 +10,17 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import ArraySequence, texture
 
 from sips_lit.geometry.image_changes import flip_camera
-from sips_lit.geometry.projection import View, apply_homography, project, sample_depth, transfer, views
+from sips_lit.geometry.projection import (
+    View,
+    apply_homography,
+    inside,
+    posed_views,
+    project,
+    sample_depth,
+    transfer,
+    transfer_to_view,
+    views,
+)
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import mirror_pair
@@ -217,3 +227,37 @@ def test_points_beyond_the_horizon_are_nan(sign):
 
 def test_no_points_by_a_homography():
     assert apply_homography(np.eye(3), np.zeros((0, 2))).shape == (0, 2)
+
+
+def test_posed_views_need_cameras_a_pose_and_any_depth():
+    pair = read_pair(StereoScene(2, "depth"), 0, 1)
+    view0, view1, T_1_0 = posed_views(pair)
+    assert view0.depth is pair.geometry.depth0
+    assert view1.depth is pair.geometry.depth1
+    assert T_1_0 is pair.geometry.T_1_0
+    assert posed_views(replace(pair, geometry=replace(pair.geometry, depth0=None))) is not None
+    assert posed_views(replace(pair, geometry=replace(pair.geometry, depth0=None, depth1=None))) is None
+    assert posed_views(replace(pair, geometry=replace(pair.geometry, T_1_0=None))) is None
+    assert posed_views(replace(pair, geometry=None)) is None
+
+
+def test_a_view_sees_what_is_inside_and_not_hidden():
+    camera = Camera(np.array([[10.0, 0, 4], [0, 10, 4], [0, 0, 1]]), (9, 9))
+    blank = np.zeros((9, 9), np.uint8)
+    here = View(blank, camera, None, None, None)
+    wall = np.full((9, 9), 2.0, np.float32)
+    wall[:, 5] = 1.8  # hides what is behind by more than 5 %
+    there = View(blank, camera, wall, None, None)
+    T = np.eye(4)
+    T[0, 3] = 0.2  # a pixel to the right, at 2 m
+    xy, depth = np.array([[3.0, 4], [4, 4], [8, 4], [4, 4]]), np.array([2.0, 2, 2, np.nan])
+    moved, visible = transfer_to_view(xy, depth, here, there, T, 0.05)
+    np.testing.assert_allclose(moved, [[4, 4], [5, 4], [9, 4], [np.nan, np.nan]], atol=1e-12)
+    assert visible.tolist() == [True, False, False, False]
+    assert transfer_to_view(xy, depth, here, there, T, 0.11)[1].tolist() == [True, True, False, False]
+    assert transfer_to_view(xy, depth, here, here, T, 0.05)[1].tolist() == [True, True, False, False]
+
+
+def test_pixels_are_inside_up_to_their_outer_edges():
+    xy = [[-0.5, -0.5], [3.5, 2.5], [1, 1], [-0.6, 1], [3.6, 1], [1, -0.6], [1, 2.6], [np.nan, 1]]
+    assert inside(np.array(xy), (4, 3)).tolist() == [True] * 3 + [False] * 5

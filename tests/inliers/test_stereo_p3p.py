@@ -266,7 +266,7 @@ def test_a_point_of_unknown_depth_never_reaches_the_search(monkeypatch):
     monkeypatch.setattr(poselib, "estimate_absolute_pose", lambda *args: given.append(args[:2]) or search(*args))
     unknown = CHECK(pair, points0, points1, matches).reason == Reason.UNKNOWN
     prepared = CHECK.prepare(pair, points0, points1)
-    lacking = [~side.known for side in (prepared.side0, prepared.side1)]
+    lacking = [~side.known for side in prepared.sides]
     assert lacking[0].any()
     assert lacking[1].any()
     assert [len(points) for _, points in given] == [(~lacking[0]).sum(), (~lacking[1]).sum()]
