@@ -17,16 +17,15 @@ import numpy as np
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.datasets.kitti import kitti
 from sips_lit.describe.sift import RootSift
-from sips_lit.evaluate.measure import Measures
+from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.method import Method
 from sips_lit.evaluate.pair_set import PairSet
-from sips_lit.evaluate.runner import extract_all, run_methods
+from sips_lit.evaluate.runner import evaluate_pair_set, extract_all
 from sips_lit.frames.source import Source
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
-from sips_lit.pairs.choice import choose_pairs
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.pairs.choice import ListedPair, choose_pairs
 from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
 
 WIDTH, HEIGHT, STEP, K, N_MAX, SLOW_PAIRS = 1241, 376, 6, 10, 200, 10
@@ -99,7 +98,7 @@ def main() -> None:
         measures = Measures(n_max=N_MAX, pose=False, budgets=())
         for frames in ("frames read anew", "frames cached"):  # as for the first detector, as for all others
             start = time.perf_counter()
-            (result,) = run_methods([method], pairs, measures, cache, workers=1)
+            (result,) = evaluate_pair_set([method], pairs, measures, cache, workers=1).detectors
             fast = time.perf_counter() - start
             print(f"exact succinctness of {len(pairs)} pairs, all k, {frames}: {fast:.1f} s (wanted: under 5 s)")
         needed, slow = anew_at_every_n(pairs, cache, method)
@@ -110,7 +109,7 @@ def main() -> None:
         if arguments.p3p:
             pairs = PairSet(sources, listed, StereoP3PInliers())
             start = time.perf_counter()
-            run_methods([method], pairs, Measures(ks=(K,), n_max=N_MAX, pose=False, budgets=()), cache)
+            evaluate_pair_set([method], pairs, Measures(ks=(K,), n_max=N_MAX, pose=False, budgets=()), cache)
             print(
                 f"P3P, {len(pairs)} pairs, 5 repeats, k = {K}: {time.perf_counter() - start:.0f} s (wanted: under 180 s)"
             )

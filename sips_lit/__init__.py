@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from sips_lit.detect.budget import Budget as Budget
     from sips_lit.detect.detector import SipsDetector as SipsDetector
     from sips_lit.errors import BadInputError as BadInputError
-    from sips_lit.evaluate.detector import evaluate_detector as evaluate_detector
     from sips_lit.evaluate.measures import Measures as Measures
     from sips_lit.evaluate.result import MethodResult as MethodResult
+    from sips_lit.evaluate.runner import evaluate_detector as evaluate_detector
     from sips_lit.frames.folder import folder as folder
     from sips_lit.frames.images import read_grey as read_grey
     from sips_lit.frames.video import video as video
@@ -127,7 +127,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "metrics.pose_auc": ("PoseAuc", "pose_auc"),
     "metrics.repeatability": ("move_points", "repeated", "MovedPoints", "Repeated"),
     "metrics.spread": ("spread",),
-    "evaluate.detector": ("evaluate_detector",),
+    "evaluate.runner": ("evaluate_detector",),
     "evaluate.measures": ("Measures",),
     "evaluate.result": ("MethodResult",),
 }

@@ -28,8 +28,7 @@ from sips_lit.files import safe_name
 from sips_lit.frames.frame_cache import FrameCache
 from sips_lit.frames.source import as_sources
 from sips_lit.inference.score_video import write_score_video
-from sips_lit.pairs.choice import choose_pairs
-from sips_lit.pairs.pair_file import write_pair_file
+from sips_lit.pairs.choice import choose_pairs, write_pair_file
 from sips_lit.report.columns import auc_of
 from sips_lit.report.files import write_report
 from sips_lit.report.pair_pictures import PairPicture, draw_method_pictures

@@ -14,9 +14,7 @@ from sips_lit.cli.app import build, run
 from sips_lit.errors import BadInputError
 from sips_lit.frames.recording import Recording
 from sips_lit.frames.source import as_sources
-from sips_lit.pairs.index_run import IndexedSequence, index_recordings
-from sips_lit.pairs.index_summary import ShareSummary
-from sips_lit.pairs.shards import share
+from sips_lit.pairs.index_run import IndexedSequence, ShareSummary, index_recordings, share
 
 SAVE_EVERY = 30.0  # seconds between two summaries of a run that goes on
 SHOWN = 40  # lines of a table that a terminal can show

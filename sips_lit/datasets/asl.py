@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import expect, expect_files, listed_file, read_rows, read_table
 from sips_lit.errors import BadInputError
-from sips_lit.geometry.quaternion import to_rotation
+from sips_lit.geometry.pose import to_rotation
 from sips_lit.geometry.rectify import LensCamera
 
 LAYOUT = (

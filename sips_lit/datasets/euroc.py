@@ -17,8 +17,8 @@ from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.images import check_max_side, read_grey, resize_max_side, shrunk_size
+from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.geometry.rectify import Rectifier, rectify_mono, rectify_stereo
-from sips_lit.geometry.resize import resize_camera
 from sips_lit.types import FloatArray, GreyImage, ImageSequence
 
 NANOSECONDS = 1e9  # in a second

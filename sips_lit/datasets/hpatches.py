@@ -20,8 +20,8 @@ from sips_lit.frames.image_cache import image_cache
 from sips_lit.frames.image_size import image_size
 from sips_lit.frames.images import check_max_side, read_grey, shrunk_size
 from sips_lit.frames.listing import list_folders
-from sips_lit.geometry.homography import apply_homography
-from sips_lit.geometry.resize import resize_map
+from sips_lit.geometry.image_changes import resize_map
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.types import FloatArray, GreyImage, ImageSequence
 
 LAYOUT = (

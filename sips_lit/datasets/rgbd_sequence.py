@@ -16,7 +16,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import FolderSequence
 from sips_lit.frames.images import read_stored, resize_max_side, shrunk_size
-from sips_lit.geometry.resize import resize_camera
+from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.types import Camera, FloatArray, GreyImage
 
 

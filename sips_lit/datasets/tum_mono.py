@@ -31,7 +31,7 @@ from sips_lit.frames.images import check_max_side, resize_max_side, shrunk_size
 from sips_lit.frames.listing import list_folders, list_images
 from sips_lit.frames.zip_images import ZipSequence
 from sips_lit.geometry.fov_camera import FovCamera, Rectification
-from sips_lit.geometry.resize import resize_camera
+from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.types import Camera, GreyImage, ImageSequence
 
 LAYOUT = (

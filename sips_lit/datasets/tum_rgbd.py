@@ -14,7 +14,7 @@ from sips_lit.datasets.measured import joined_in_time
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.errors import BadInputError
 from sips_lit.frames.image_size import image_size
-from sips_lit.geometry.quaternion import to_rotation
+from sips_lit.geometry.pose import to_rotation
 from sips_lit.types import Camera, FloatArray
 
 LAYOUT = "TUM RGB-D has rgb.txt, depth.txt, groundtruth.txt, and the images that the first two name"

@@ -22,7 +22,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.frames.images import read_grey
 from sips_lit.frames.listing import list_images
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.types import FloatArray, GreyImage, ImageSequence
 
 WAVES = 3

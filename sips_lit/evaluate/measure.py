@@ -18,35 +18,58 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.evaluate.measures import Measures
-from sips_lit.evaluate.pair_pose import PairPose, PoseErrors, PoseOutcome, pair_pose
+from sips_lit.evaluate.result import AtBudget, PoseOutcome
+from sips_lit.geometry.pose import rotation_error, translation_error
+from sips_lit.geometry.projection import posed_views
 from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.inliers.stereo_p3p import StereoP3PInliers
+from sips_lit.inliers.stereo_p3p import PreparedStereoP3P, StereoP3PInliers
 from sips_lit.inliers.verification import VerifiedPair, verify
 from sips_lit.match.mutual_nearest import distances, mutual_nearest_lifetimes
 from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
 from sips_lit.metrics.spread import spread
-from sips_lit.types import DisparityMatcher, Features, FramePair, InlierCheck, Matches, ScoreKind
+from sips_lit.types import DisparityMatcher, Features, FloatArray, FramePair, InlierCheck, Keypoints, Matches, ScoreKind
 
-FloatArray = NDArray[np.float64]
+
+class PoseErrors(NamedTuple):
+    """Errors in degrees and metres, infinite where no pose was found."""
+
+    rotation: float
+    translation: float
+    outcome: PoseOutcome
 
 
 @dataclass(frozen=True, slots=True)
-class BudgetMeasurement:
-    """Of a pair at one budget: a pair's entry in each array of `sips_lit.evaluate.result.AtBudget`."""
+class PairPose:
+    """Estimates the pose of a pair by P3P in RANSAC, ``estimator``, and compares it with the true ``T_1_0``."""
 
-    matches: int
-    inliers: NDArray[np.int64]
-    rotation_error: FloatArray
-    translation_error: FloatArray
-    outcome: NDArray[np.int64]
-    repeatability: float
-    matching_score: float
-    spread: float
+    estimator: PreparedStereoP3P
+    T_1_0: FloatArray
+
+    def errors(self, matches: Matches, repeat: int, least: int = 0) -> PoseErrors:
+        """How far the pose of the matches is from the true one; infinitely without a pose of ``least`` inliers."""
+        if self.estimator.usable(matches) < 4:
+            return PoseErrors(math.inf, math.inf, PoseOutcome.FEW_MATCHES)
+        estimate = self.estimator.estimate(matches, repeat)
+        if estimate.T_1_0 is None:
+            return PoseErrors(math.inf, math.inf, PoseOutcome.NO_AGREEMENT)
+        if estimate.inliers < least:
+            return PoseErrors(math.inf, math.inf, PoseOutcome.FEW_INLIERS)
+        errors = rotation_error(estimate.T_1_0, self.T_1_0), translation_error(estimate.T_1_0, self.T_1_0)
+        return PoseErrors(*errors, PoseOutcome.FOUND)
+
+
+def pair_pose(
+    pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, check: StereoP3PInliers
+) -> PairPose | None:
+    """What estimates the pose of a pair; None where the true one is not known, or nothing tells the depth of any point."""
+    posed = posed_views(pair)
+    return None if posed is None else PairPose(check.prepare(pair, keypoints0, keypoints1), posed[2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +79,7 @@ class PairMeasurement:
     n_k: FloatArray
     rotation_error: FloatArray
     translation_error: FloatArray
-    budgets: Mapping[int, BudgetMeasurement]
+    budgets: Mapping[int, AtBudget]
     outcomes: Mapping[int, tuple[NDArray[np.float32], NDArray[np.bool_]]]
     milliseconds: Mapping[str, float]
 
@@ -130,33 +153,29 @@ def _errors_at(n_k: FloatArray, verified: VerifiedPair, pose: PairPose | None) -
 
 def _at_budget(
     verified: VerifiedPair, pose: PairPose | None, moved: tuple[MovedPoints, MovedPoints] | None, n: int, m: Measures
-) -> BudgetMeasurement:
+) -> AtBudget:
     answers = [verified.at(n, repeat) for repeat in range(verified.verifier.repeats)]
     poses = [PoseErrors(math.nan, math.nan, PoseOutcome.UNKNOWN)] * len(answers)
     if pose is not None:
         poses = [pose.errors(answer.matches, repeat, m.pose_inliers) for repeat, answer in enumerate(answers)]
     matches, inliers = answers[0]
-    found = _repeated(verified, moved, matches, n, m.threshold)
+    xy0, xy1 = verified.features0.keypoints.xy, verified.features1.keypoints.xy
+    found = Repeated(math.nan, math.nan)
+    if moved is not None:
+        found = repeated(xy0[:n], xy1[:n], moved[0].best(n), moved[1].best(n), matches, m.threshold)
+    places = xy0[matches.index0[inliers.inlier]]
     height, width = verified.pair.image0.shape
-    return BudgetMeasurement(
-        matches=len(matches),
+    return AtBudget(
+        n=n,
+        matches=np.array(len(matches)),
         inliers=np.array([answer.inlier_count for answer in answers], np.int64),
         rotation_error=np.array([errors.rotation for errors in poses]),
         translation_error=np.array([errors.translation for errors in poses]),
         outcome=np.array([errors.outcome for errors in poses], np.int64),
-        repeatability=found.repeatability,
-        matching_score=found.matching_score,
-        spread=spread(verified.features0.keypoints.xy[matches.index0[inliers.inlier]], (width, height), m.cells),
+        repeatability=np.array(found.repeatability),
+        matching_score=np.array(found.matching_score),
+        spread=np.array(spread(places, (width, height), m.cells)),
     )
-
-
-def _repeated(
-    verified: VerifiedPair, moved: tuple[MovedPoints, MovedPoints] | None, matches: Matches, n: int, threshold: float
-) -> Repeated:
-    if moved is None:
-        return Repeated(math.nan, math.nan)
-    xy0, xy1 = verified.features0.keypoints.xy[:n], verified.features1.keypoints.xy[:n]
-    return repeated(xy0, xy1, moved[0].best(n), moved[1].best(n), matches, threshold)
 
 
 @contextmanager

@@ -52,9 +52,8 @@ class Measures:
             )
         if not all(k >= 1 for k in self.ks) or len(set(self.ks)) < len(self.ks):
             raise BadInputError(f"ks is {list(self.ks)}: give different numbers of inliers, from 1")
-        for name, points in (("n", [self.n]), ("budgets", list(self.budgets))):
+        for name, given, points in (("n", self.n, [self.n]), ("budgets", list(self.budgets), self.budgets)):
             if not all(1 <= n <= self.n_max for n in points) or len(set(points)) < len(points):
-                given = points if name == "budgets" else self.n
                 raise BadInputError(f"{name} is {given}: give points per image, from 1 to n_max = {self.n_max}")
         if not all(n >= 1 for n in self.calibration):
             raise BadInputError(f"calibration is {list(self.calibration)}: give numbers of points from 1")

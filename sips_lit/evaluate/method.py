@@ -46,8 +46,13 @@ def signature_of(
         "descriptor": None if descriptor is None else _with_contents(descriptor_config),
         "weights": [weights_digest(part) for part in (detector, descriptor)],
         "code": [code_of(part) for part in parts],
-        "versions": {"torch": torch.__version__, "opencv": cv2.__version__, "numpy": np.__version__},
+        "versions": library_versions(),
     }
+
+
+def library_versions() -> dict[str, str]:
+    """Of the libraries that all numbers depend on."""
+    return {"torch": torch.__version__, "opencv": cv2.__version__, "numpy": np.__version__}
 
 
 def code_of(part: object) -> dict[str, str]:

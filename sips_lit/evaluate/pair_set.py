@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.feature_cache import image_key
+from sips_lit.evaluate.features import image_key
 from sips_lit.evaluate.result import PairTable
 from sips_lit.frames.frame_cache import CachedSequence, FrameCache
 from sips_lit.frames.source import Source
-from sips_lit.geometry.point_depth import View, frame_view, views
 from sips_lit.geometry.pose import rotation_error, translation_error
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.geometry.projection import views
+from sips_lit.pairs.choice import ListedPair
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.progress import progress
 from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Matches
@@ -51,7 +51,7 @@ class PairSet:
         self.listed = list(listed)
         self.left_out: list[str] = []
         self.sequences = [CachedSequence(s, cache) for source in sources for s in source.sequences]
-        self._checks = [source.inliers or default for source in sources for _ in source.sequences]
+        self.checks = [source.inliers or default for source in sources for _ in source.sequences]
         self._keys: dict[tuple[int, int], str] = {}
         self._sizes: set[tuple[int, ...]] = set()
 
@@ -60,21 +60,13 @@ class PairSet:
 
     def check(self, at: int) -> InlierCheck:
         """What says which matches of pair ``at`` are inliers."""
-        return self._checks[self.listed[at].sequence]
+        return self.checks[self.listed[at].sequence]
 
     def read(self, at: int, depth: bool) -> FramePair:
         """Pair ``at``; with depth maps or stereo partners only if ``depth``, or if its check needs them."""
         pair, check = self.listed[at], self.check(at)
         sequence = self.sequences[pair.sequence]
         return read_pair(sequence, pair.index0, pair.index1, check.uses_frames, depth or check.uses_depth)
-
-    def check_of(self, frame: tuple[int, int]) -> InlierCheck:
-        """What verifies the pairs of a frame."""
-        return self._checks[frame[0]]
-
-    def view(self, frame: tuple[int, int]) -> View | None:
-        """A frame with what tells depth in it; None where its camera is not known."""
-        return frame_view(self.sequences[frame[0]], frame[1])
 
     def frames(self) -> list[tuple[int, int]]:
         """Each different frame: the position of its sequence, and its index."""
@@ -91,13 +83,9 @@ class PairSet:
 
     def table(self) -> PairTable:
         """Names, overlaps and true motions of all pairs."""
-        names, motions = [], []
-        for pair in self.listed:
-            sequence = self.sequences[pair.sequence]
-            names.append(self._name(pair))
-            motions.append(_motion(sequence, pair.index0, pair.index1))
-        rotation, translation = np.array(motions, np.float64).reshape(-1, 2).T
-        return PairTable(tuple(names), np.array([p.overlap for p in self.listed], np.float64), rotation, translation)
+        motions = [_motion(self.sequences[p.sequence], p.index0, p.index1) for p in self.listed]
+        overlap = np.array([p.overlap for p in self.listed], np.float64)
+        return PairTable(tuple(map(self._name, self.listed)), overlap, *np.array(motions, np.float64).T)
 
     def verifiable(self) -> PairSet:
         """The pairs without those whose depth or pose their check misses: they say nothing about any method.
@@ -134,7 +122,7 @@ class PairSet:
     def protocol(self) -> dict[str, Any]:
         """Which data, how its pairs were chosen, and how they are verified."""
         used = sorted({pair.sequence for pair in self.listed})
-        checks = {id(self._checks[at]): dict(self._checks[at].protocol) for at in used}
+        checks = {id(self.checks[at]): dict(self.checks[at].protocol) for at in used}
         for frame in self.frames():
             self.key_of(frame)
         return {

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -36,12 +37,26 @@ class PairTable:
         return len(self.name)
 
 
+class PoseOutcome(IntEnum):
+    """What became of the pose of a pair."""
+
+    FOUND = 0
+    UNKNOWN = 1
+    """Not estimated: the true pose is not known, or the depth of no point is."""
+    FEW_MATCHES = 2
+    """Fewer than the four matches with a depth that P3P with RANSAC takes."""
+    NO_AGREEMENT = 3
+    """RANSAC finds no pose that three matches agree with."""
+    FEW_INLIERS = 4
+    """A pose with fewer inliers than a pose at a budget needs."""
+
+
 @dataclass(frozen=True, slots=True)
 class AtBudget:
-    """What the ``n`` best points of both images gave, for each pair.
+    """What the ``n`` best points of both images gave, for each pair; the record of a single pair has the shapes without P.
 
     ``matches`` (P,), ``inliers`` and pose errors ``rotation_error`` (degrees) and ``translation_error`` (metres) (P, R),
-    ``outcome`` (P, R) of the pose (`sips_lit.evaluate.pair_pose.PoseOutcome`);
+    ``outcome`` (P, R) of the pose (`PoseOutcome`);
     ``repeatability``, ``matching_score`` and ``spread`` (fraction of the cells of a grid that hold an inlier) (P,).
     """
 

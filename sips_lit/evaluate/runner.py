@@ -1,35 +1,71 @@
-"""The evaluation: methods on pair sets, everything that is measured of each."""
+"""The evaluation: methods on pair sets, everything that is measured of each; or one detector, in one call."""
 
 from __future__ import annotations
 
 import importlib.metadata
 import math
+import tempfile
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, fields
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 
 from sips_lit.detect.sanitise import Defects
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.feature_cache import FeatureCache
-from sips_lit.evaluate.features import ImageFeatures, with_depth
-from sips_lit.evaluate.measure import BudgetMeasurement, PairMeasurement, measure_pair
+from sips_lit.evaluate.features import FeatureCache, ImageFeatures, with_depth
+from sips_lit.evaluate.measure import PairMeasurement, measure_pair
 from sips_lit.evaluate.measures import Measures
-from sips_lit.evaluate.method import Method
+from sips_lit.evaluate.method import Method, library_versions
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult
+from sips_lit.files import safe_name
+from sips_lit.frames.source import Source, as_sources
+from sips_lit.geometry.projection import frame_view
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
+from sips_lit.pairs.choice import choose_pairs
 from sips_lit.progress import progress
+from sips_lit.types import Descriptor, Detector, ImageSequence, InlierCheck
 
 Frame = tuple[int, int]
+
+
+def evaluate_detector(
+    detector: Detector,
+    data: Sequence[ImageSequence] | Sequence[Source],
+    inliers: InlierCheck,
+    descriptor: Descriptor | None = None,
+    *,
+    pairs: int = 100,
+    overlap: float = 0.5,
+    seed: int = 0,
+    measures: Measures | None = None,
+    index_folder: str | Path | None = None,
+    workers: int = 2,
+) -> MethodResult:
+    """What ``sips-evaluate`` measures, of ``detector`` with ``descriptor`` (None: its own) on random pairs of ``data``.
+
+    ``inliers`` verifies the matches; ``measures`` says what is measured; ``index_folder`` keeps the overlap of the frames
+    for the next call. Raises BadInputError for what the detector, the descriptor or the check cannot do, and for data
+    without pairs of this ``overlap``.
+    """
+    sources, measures = as_sources(data), measures or Measures(seed=seed)
+    with tempfile.TemporaryDirectory() as folder:
+        listed = choose_pairs(sources, index_folder or folder, "random", pairs, overlap, seed, workers=workers)
+    chosen = {"kind": "random", "overlap": overlap, "seed": seed}
+    pair_set = PairSet(sources, listed, inliers, chosen=chosen).verifiable()
+    name = detector.name if descriptor is None else f"{detector.name} + {descriptor.name}"
+    method = Method(safe_name(name).lower(), name, detector, descriptor, {})
+    result = evaluate_pair_set([method], pair_set, measures, None, workers)
+    if not result.detectors:
+        raise BadInputError(result.skipped[method.key])
+    return result.detectors[0]
 
 
 def evaluate_pair_set(
@@ -79,7 +115,9 @@ def measure_depths(
     """The features with the depth of their keypoints, once per frame, where the data tells depth."""
 
     def one(frame: Frame) -> ImageFeatures:
-        return with_depth(features[frame], pairs.view(frame), pairs.check_of(frame).stereo or StereoMatcher())
+        sequence, index = frame
+        stereo = pairs.checks[sequence].stereo or StereoMatcher()
+        return with_depth(features[frame], frame_view(pairs.sequences[sequence], index), stereo)
 
     return dict(zip(features, _side_by_side(one, list(features), workers, f"{title}: depth", "image"), strict=True))
 
@@ -145,7 +183,7 @@ def summarise(
         points1=np.minimum(points1, measures.n_max),
         budgets={n: _at_budget(measured, n) for n in measures.every_n if all(n in m.budgets for m in measured)},
         calibration={n: _calibration(measured, n) for n in measures.calibration if n in measured[0].outcomes},
-        milliseconds=_mean_times([e.milliseconds for e in features.values()], [m.milliseconds for m in measured]),
+        milliseconds=_mean_times([*(f.milliseconds for f in features.values()), *(m.milliseconds for m in measured)]),
         defects=asdict(sum((entry.defects for entry in features.values()), Defects())),
     )
 
@@ -163,16 +201,14 @@ def versions() -> dict[str, str]:
     return {
         "sips_lit": importlib.metadata.version("sips_lit"),
         "poselib": importlib.metadata.version("poselib"),
-        "torch": torch.__version__,
-        "opencv": cv2.__version__,
-        "numpy": np.__version__,
+        **library_versions(),
     }
 
 
 def _at_budget(measured: Sequence[PairMeasurement], n: int) -> AtBudget:
     each = [m.budgets[n] for m in measured]
-    arrays = {f.name: np.array([getattr(budget, f.name) for budget in each]) for f in fields(BudgetMeasurement)}
-    return AtBudget(n=n, **arrays)
+    names = [f.name for f in fields(AtBudget) if f.name != "n"]
+    return AtBudget(n, **{name: np.stack([getattr(at, name) for at in each]) for name in names})
 
 
 def _calibration(measured: Sequence[PairMeasurement], n: int) -> CalibrationResult:
@@ -182,11 +218,10 @@ def _calibration(measured: Sequence[PairMeasurement], n: int) -> CalibrationResu
     return calibration.result()
 
 
-def _mean_times(*groups: Sequence[Any]) -> dict[str, float]:
+def _mean_times(each: Iterable[Mapping[str, float]]) -> dict[str, float]:
     """Mean of each stage over all that have it."""
     times: dict[str, list[float]] = defaultdict(list)
-    for group in groups:
-        for stages in group:
-            for stage, milliseconds in stages.items():
-                times[stage].append(milliseconds)
+    for stages in each:
+        for stage, milliseconds in stages.items():
+            times[stage].append(milliseconds)
     return {stage: math.fsum(values) / len(values) for stage, values in times.items()}

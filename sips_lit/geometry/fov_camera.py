@@ -30,33 +30,24 @@ class FovCamera:
         xy = np.asarray(xy, np.float64)
         radius = np.linalg.norm(xy, axis=1, keepdims=True)
         if self.omega > 0:
-            bent = np.arctan(radius * self._tangent()) / self.omega
+            tangent = 2 * np.tan(self.omega / 2)
+            bent = np.arctan(radius * tangent) / self.omega
             # at the centre the ratio of both radii is that of the slopes
-            xy = xy * np.divide(bent, radius, out=np.full_like(radius, self._tangent() / self.omega), where=radius > 0)
-        return xy * self._focal() + self._centre()
+            xy = xy * np.divide(bent, radius, out=np.full_like(radius, tangent / self.omega), where=radius > 0)
+        return np.asarray(xy * self.matrix.diagonal()[:2] + self.matrix[:2, 2], np.float64)
 
     def undistort(self, pixels: FloatArray) -> NDArray[np.float64]:
         """Points (N, 2) on the plane at unit depth that appear at pixels (N, 2).
 
         NaN where the ray is 90 degrees or more off the optical axis: it doesn't meet the plane.
         """
-        bent = (np.asarray(pixels, np.float64) - self._centre()) / self._focal()
+        bent = (np.asarray(pixels, np.float64) - self.matrix[:2, 2]) / self.matrix.diagonal()[:2]
         if self.omega == 0:
             return bent
         radius = np.linalg.norm(bent, axis=1, keepdims=True)
-        angle = radius * self.omega
-        straight = np.tan(angle) / self._tangent()
-        slope = np.full_like(radius, self.omega / self._tangent())
+        angle, tangent = radius * self.omega, 2 * np.tan(self.omega / 2)
+        straight, slope = np.tan(angle) / tangent, np.full_like(radius, self.omega / tangent)
         return np.where(angle < np.pi / 2, bent * np.divide(straight, radius, out=slope, where=radius > 0), np.nan)
-
-    def _tangent(self) -> float:
-        return float(2 * np.tan(self.omega / 2))
-
-    def _focal(self) -> NDArray[np.float64]:
-        return np.array([self.matrix[0, 0], self.matrix[1, 1]], np.float64)
-
-    def _centre(self) -> NDArray[np.float64]:
-        return np.array([self.matrix[0, 2], self.matrix[1, 2]], np.float64)
 
 
 def crop_camera(camera: FovCamera, size: tuple[int, int]) -> Camera:
@@ -66,7 +57,7 @@ def crop_camera(camera: FovCamera, size: tuple[int, int]) -> Camera:
     the image when the point does where it crosses an axis, and no rectangle with the optical axis in it reaches further.
     Raises BadInputError when the image reaches 90 degrees off the optical axis, or doesn't show that axis.
     """
-    (cx, cy), (width, height) = camera._centre(), camera.size
+    (cx, cy), (width, height) = camera.matrix[:2, 2], camera.size
     if not (0 < cx < width - 1 and 0 < cy < height - 1):
         raise BadInputError(f"the optical axis is at ({cx:.1f}, {cy:.1f}), outside the {width}x{height} image")
     ends = camera.undistort(np.array([[0, cy], [width - 1, cy], [cx, 0], [cx, height - 1]]))

@@ -1,4 +1,4 @@
-"""An estimated relative pose, and how far it is from the true one (paper, pose errors)."""
+"""Poses: an estimated one, how far it is from the true one (paper, pose errors), and rotations of quaternions."""
 
 from __future__ import annotations
 
@@ -34,3 +34,19 @@ def rotation_error(estimate: FloatArray, truth: FloatArray) -> float:
     # The arc cosine alone would lose half the digits of a small angle; the sine has them.
     sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     return float(np.degrees(np.arctan2(sine, (np.trace(R) - 1) / 2)))
+
+
+def to_rotation(quaternion: FloatArray) -> NDArray[np.float64]:
+    """Rotation matrices (N, 3, 3) of quaternions (N, 4) in the order x, y, z, w; their length does not matter.
+
+    NaN for a quaternion of length 0.
+    """
+    q = np.asarray(quaternion, np.float64)
+    with np.errstate(invalid="ignore"):
+        x, y, z, w = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)

@@ -57,11 +57,9 @@ class StereoMatcher:
         smooth = cv2.blur(pictures[0], (3, 3)), cv2.blur(pictures[1], (3, 3))
         places = np.asarray(xy, np.float32).reshape(-1, 2)
         direction = -1 if to_the_right else 1
-        found = np.full(len(places), np.nan)
-        for begin in range(0, len(places), _CHUNK):
-            part = slice(begin, begin + _CHUNK)
-            found[part] = self._disparity(pictures, smooth, places[part], direction)
-        return found
+        chunks = (places[begin : begin + _CHUNK] for begin in range(0, len(places), _CHUNK))
+        found = [self._disparity(pictures, smooth, chunk, direction) for chunk in chunks]
+        return np.concatenate([np.zeros(0), *found])
 
     def _disparity(
         self, pictures: tuple[Any, Any], smooth: tuple[Any, Any], xy: Floats, direction: int

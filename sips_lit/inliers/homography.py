@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sips_lit.errors import BadInputError
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography, inside
 from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.types import FramePair, Inliers, Keypoints, Matches, Reason
 
@@ -38,8 +38,8 @@ class HomographyInliers(IndependentCheck):
         with np.errstate(invalid="ignore"):
             near = np.linalg.norm(in1 - points1, axis=1) <= self.threshold * keypoints1.scale[matches.index1]
             near &= np.linalg.norm(in0 - points0, axis=1) <= self.threshold * keypoints0.scale[matches.index0]
-            height, width = pair.image1.shape
-            visible = ((in1 >= -0.5) & (in1 <= [width - 0.5, height - 0.5])).all(1)
+        height, width = pair.image1.shape
+        visible = inside(in1, (width, height))
         reason = np.where(near, Reason.INLIER, np.where(visible, Reason.FAR, Reason.LOST)).astype(np.uint8)
         known = (np.ones(len(keypoints0), np.bool_), np.ones(len(keypoints1), np.bool_))
         return Inliers(near, reason, *known)

@@ -1,4 +1,4 @@
-"""From verified matches to labelled points."""
+"""From matches verified in both directions to one answer for each, and to labelled points."""
 
 from __future__ import annotations
 
@@ -7,7 +7,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.types import Inliers, Reason
+from sips_lit.types import Inliers, Matches, Reason
+
+
+def symmetric(
+    forward: NDArray[np.uint8],
+    backward: NDArray[np.uint8],
+    matches: Matches,
+    known0: NDArray[np.bool_],
+    known1: NDArray[np.bool_],
+) -> Inliers:
+    """A match is an inlier if both directions say so; where one does not know (`Reason`) the other decides alone.
+
+    ``forward`` and ``backward`` (M,) are the reasons from image 0 to 1 and from image 1 to 0; ``known0`` (N0,) and
+    ``known1`` (N1,) tell which points have a depth of their own. A point without one is known through a match that is.
+    """
+    reason = np.where(forward == Reason.UNKNOWN, backward, forward)
+    agreed = (forward == Reason.INLIER) & (backward != Reason.UNKNOWN)
+    reason[agreed] = backward[agreed]
+    decided = reason != Reason.UNKNOWN
+    known0, known1 = known0.copy(), known1.copy()
+    known0[matches.index0[decided]] = True
+    known1[matches.index1[decided]] = True
+    return Inliers(reason == Reason.INLIER, reason, known0, known1)
 
 
 @dataclass(frozen=True, slots=True)

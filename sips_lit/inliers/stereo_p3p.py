@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.pnp import ESTIMATOR, p3p_ransac
-from sips_lit.geometry.point_depth import views
 from sips_lit.geometry.pose import PoseEstimate
-from sips_lit.geometry.projection import back_project
+from sips_lit.geometry.projection import back_project, views
 from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.inliers.symmetric import symmetric
+from sips_lit.inliers.point_labels import symmetric
 from sips_lit.types import Camera, DisparityMatcher, FramePair, Inliers, Keypoints, Matches, Reason
 
 
@@ -57,15 +56,11 @@ class StereoP3PInliers:
                 f"{pair.name} has no depth maps and no stereo partners with cameras and a baseline, which "
                 "inliers=stereo_p3p needs: use data that has them (kitti, euroc, rgbd, posed_depth) or choose inliers=klt"
             )
-        points = [
-            back_project(keypoints.xy, view.depth_of(keypoints, self.stereo), view.camera)
-            for view, keypoints in zip(both, (keypoints0, keypoints1), strict=True)
-        ]
-        sides = (
-            _Side(keypoints0.xy, points[0], both[0].camera, both[0].has_depth),
-            _Side(keypoints1.xy, points[1], both[1].camera, both[1].has_depth),
+        side0, side1 = (
+            _Side(k.xy, back_project(k.xy, v.depth_of(k, self.stereo), v.camera), v.camera, v.has_depth)
+            for v, k in zip(both, (keypoints0, keypoints1), strict=True)
         )
-        return PreparedStereoP3P(self, (pair.index0, pair.index1), *sides)
+        return PreparedStereoP3P(self, (pair.index0, pair.index1), (side0, side1))
 
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Raises BadInputError for a pair without a camera or without any depth."""
@@ -93,22 +88,19 @@ class PreparedStereoP3P:
 
     check: StereoP3PInliers
     indices: tuple[int, int]
-    side0: _Side
-    side1: _Side
+    sides: tuple[_Side, _Side]
 
     def __call__(self, matches: Matches, repeat: int = 0) -> Inliers:
         """Verifies M matches, with other random samples for each ``repeat``."""
-        forward = self._one_way(self.side0, self.side1, matches.index0, matches.index1, 0, repeat)
-        backward = self._one_way(self.side1, self.side0, matches.index1, matches.index0, 1, repeat)
-        reasons = (
-            _reasons(forward, self.side0.known[matches.index0]),
-            _reasons(backward, self.side1.known[matches.index1]),
-        )
-        return symmetric(*reasons, matches, self.side0.known, self.side1.known)
+        known0, known1 = self.sides[0].known, self.sides[1].known
+        forward = _reasons(self._one_way(0, matches, repeat), known0[matches.index0])
+        backward = _reasons(self._one_way(1, matches, repeat), known1[matches.index1])
+        return symmetric(forward, backward, matches, known0, known1)
 
     def usable(self, matches: Matches) -> int:
         """How many of the M matches have the depth that `estimate` needs."""
-        known = self.side0.known[matches.index0] if self.side0.has_depth else self.side1.known[matches.index1]
+        side0, side1 = self.sides
+        known = side0.known[matches.index0] if side0.has_depth else side1.known[matches.index1]
         return int(known.sum())
 
     def estimate(self, matches: Matches, repeat: int = 0) -> PoseEstimate:
@@ -116,25 +108,19 @@ class PreparedStereoP3P:
 
         As in the paper one way: with 3-D points of image 0 if it has depth, else of image 1 (the pose is then inverted).
         """
-        if self.side0.has_depth:
-            return self._one_way(self.side0, self.side1, matches.index0, matches.index1, 0, repeat)
-        backward = self._one_way(self.side1, self.side0, matches.index1, matches.index0, 1, repeat)
+        if self.sides[0].has_depth:
+            return self._one_way(0, matches, repeat)
+        backward = self._one_way(1, matches, repeat)
         T_1_0 = None if backward.T_1_0 is None else np.linalg.inv(backward.T_1_0).astype(np.float64)
         return PoseEstimate(T_1_0, backward.inlier)
 
-    def _one_way(
-        self,
-        start: _Side,
-        goal: _Side,
-        index_start: NDArray[np.int64],
-        index_goal: NDArray[np.int64],
-        way: int,
-        repeat: int,
-    ) -> PoseEstimate:
-        """Pose of the goal's camera in the frame of the start; a match without depth is no inlier."""
+    def _one_way(self, way: int, matches: Matches, repeat: int) -> PoseEstimate:
+        """Pose of the other camera in the frame of image ``way`` (0, 1); a match without depth there is no inlier."""
+        start, goal = self.sides[way], self.sides[1 - way]
+        index_start, index_goal = (matches.index0, matches.index1) if way == 0 else (matches.index1, matches.index0)
         has_depth = np.flatnonzero(start.known[index_start])
         # a number that is never 0 comes last: numpy ignores trailing zeros of a seed
-        generator = np.random.default_rng([self.check.seed + repeat, *self.indices, len(index_start), way + 1])
+        generator = np.random.default_rng([self.check.seed + repeat, *self.indices, len(matches), way + 1])
         estimate = p3p_ransac(
             start.points[index_start[has_depth]],
             goal.xy[index_goal[has_depth]],
@@ -143,7 +129,7 @@ class PreparedStereoP3P:
             self.check.iterations,
             self.check.threshold,
         )
-        inlier = np.zeros(len(index_start), np.bool_)
+        inlier = np.zeros(len(matches), np.bool_)
         inlier[has_depth] = estimate.inlier
         return PoseEstimate(estimate.T_1_0, inlier)
 

@@ -43,16 +43,11 @@ class VerifiedPair:
     def outcomes(self, n: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Score and truth (inlier or not) of the ``n`` best points of both images, where the truth is known."""
         matches, inliers = self.at(n)
-        sides = (
-            (self.features0.keypoints.score[:n], matches.index0, inliers.known0),
-            (self.features1.keypoints.score[:n], matches.index1, inliers.known1),
-        )
-        scores, truths = [], []
-        for score, point_of_match, known in sides:
-            labels = point_labels(inliers, point_of_match, known)
-            scores.append(score[labels.known])
-            truths.append(labels.inlier[labels.known])
-        return np.concatenate(scores), np.concatenate(truths)
+        labels0 = point_labels(inliers, matches.index0, inliers.known0)
+        labels1 = point_labels(inliers, matches.index1, inliers.known1)
+        score = np.concatenate([features.keypoints.score[:n] for features in (self.features0, self.features1)])
+        known = np.concatenate([labels0.known, labels1.known])
+        return score[known], np.concatenate([labels0.inlier, labels1.inlier])[known]
 
 
 def verify(

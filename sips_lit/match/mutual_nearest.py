@@ -65,10 +65,6 @@ class MutualLifetimes:
     first: NDArray[np.int64]
     last: NDArray[np.int64]
 
-    def __len__(self) -> int:
-        """How many pairs ever match."""
-        return len(self.index0)
-
     @property
     def matches(self) -> Matches:
         """Every pair that is mutual at some budget, in the order of this record: what an inlier check is asked."""

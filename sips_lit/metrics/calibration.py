@@ -20,16 +20,6 @@ _UNITS: Final = 2**32
 
 
 @dataclass(frozen=True, slots=True)
-class BinSums:
-    """Sums over the points in each of B equal bins of [0, 1], all (B,) float64; those of two sets of points add."""
-
-    count: FloatVector
-    score: FloatVector
-    label: FloatVector
-    squared_error: FloatVector
-
-
-@dataclass(frozen=True, slots=True)
 class CalibrationResult:
     """Calibration in B bins.
 
@@ -53,11 +43,12 @@ class CalibrationResult:
         return int(self.count.sum())
 
 
-def bin_sums(scores: ArrayLike, labels: ArrayLike, bins: int = 20) -> BinSums:
-    """Sums of N predicted probabilities and their truth (bool, or 0 and 1), both (N,).
+def bin_sums(scores: ArrayLike, labels: ArrayLike, bins: int = 20) -> NDArray[np.float64]:
+    """Sums over N predicted probabilities and their truth (bool, or 0 and 1), both (N,), in each of B equal bins of [0, 1].
 
-    A bin holds its lower edge; the last holds 1.0 as well. Raises ValueError when the shapes differ, when a score is
-    NaN or outside [0, 1], or a label is neither 0 nor 1.
+    (4, B): the number of points and the sums of score, label and squared error; those of two sets of points add. A bin
+    holds its lower edge; the last holds 1.0 as well. Raises ValueError when the shapes differ, when a score is NaN or
+    outside [0, 1], or a label is neither 0 nor 1.
     """
     score, label = np.asarray(scores, np.float64), np.asarray(labels, np.float64)
     if score.ndim != 1 or score.shape != label.shape:
@@ -69,28 +60,26 @@ def bin_sums(scores: ArrayLike, labels: ArrayLike, bins: int = 20) -> BinSums:
     edges = np.linspace(0, 1, bins + 1)
     index = np.minimum(np.searchsorted(edges, score, side="right") - 1, bins - 1)
 
-    def per_bin(values: FloatVector) -> FloatVector:
-        total: FloatVector = np.bincount(index, weights=values, minlength=bins).astype(np.float64)
-        return total
-
-    return BinSums(per_bin(np.ones_like(score)), per_bin(score), per_bin(label), per_bin((score - label) ** 2))
+    summed = (np.ones_like(score), score, label, (score - label) ** 2)
+    return np.array([np.bincount(index, weights=values, minlength=bins) for values in summed], np.float64)
 
 
-def summarise(sums: BinSums) -> CalibrationResult:
-    """Calibration errors from the sums per bin."""
-    bins, total = len(sums.count), float(sums.count.sum())
-    filled = sums.count > 0
+def summarise(sums: NDArray[np.float64]) -> CalibrationResult:
+    """Calibration errors from the `bin_sums` (4, B)."""
+    count, score, label, squared_error = sums
+    bins, total = len(count), float(count.sum())
+    filled = count > 0
     empty = np.full(bins, np.nan)
-    mean_score = np.divide(sums.score, sums.count, out=empty.copy(), where=filled)
-    frequency = np.divide(sums.label, sums.count, out=empty.copy(), where=filled)
+    mean_score = np.divide(score, count, out=empty.copy(), where=filled)
+    frequency = np.divide(label, count, out=empty.copy(), where=filled)
     gap = np.abs(frequency - mean_score)[filled]
     nothing = float("nan")
     return CalibrationResult(
-        ece=float(gap @ sums.count[filled]) / total if total else nothing,
+        ece=float(gap @ count[filled]) / total if total else nothing,
         mce=float(gap.max()) if total else nothing,
-        brier=float(sums.squared_error.sum()) / total if total else nothing,
+        brier=float(squared_error.sum()) / total if total else nothing,
         edges=np.linspace(0, 1, bins + 1),
-        count=sums.count.astype(np.int64),
+        count=count.astype(np.int64),
         mean_score=mean_score,
         frequency=frequency,
     )
@@ -119,15 +108,15 @@ class Calibration(Metric):
     def update(self, scores: Tensor, labels: Tensor) -> None:
         """Add points: ``scores`` (N,) probabilities and ``labels`` (N,) bool or 0 and 1; raises as `bin_sums`."""
         sums = bin_sums(scores.detach().float().cpu().numpy(), labels.detach().cpu().numpy(), self.bins)
-        stacked = np.stack([sums.count, sums.score, sums.label, sums.squared_error])
-        self.sums += torch.from_numpy(np.rint(stacked * _UNITS).astype(np.int64)).to(self.sums.device)
+        self.sums += torch.from_numpy(np.rint(sums * _UNITS).astype(np.int64)).to(self.sums.device)
 
     def compute(self) -> dict[str, Tensor]:
         """The scalars of the summary, float32."""
         result = self._summary()
-        scalars = {"ece": result.ece, "mce": result.mce, "brier": result.brier}
-        device = self.sums.device
-        return {name: torch.tensor(value, dtype=torch.float32, device=device) for name, value in scalars.items()}
+        return {
+            name: torch.tensor(getattr(result, name), dtype=torch.float32, device=self.sums.device)
+            for name in ("ece", "mce", "brier")
+        }
 
     def result(self) -> CalibrationResult:
         """The whole summary. In distributed runs every process must call it, and each gets that of all points."""
@@ -135,4 +124,4 @@ class Calibration(Metric):
             return self._summary()
 
     def _summary(self) -> CalibrationResult:
-        return summarise(BinSums(*(self.sums.cpu().numpy() / _UNITS)))
+        return summarise(self.sums.cpu().numpy() / _UNITS)

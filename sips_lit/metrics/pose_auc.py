@@ -73,9 +73,8 @@ class PoseAuc(Metric):
     def compute(self) -> dict[str, Tensor]:
         """The two AUCs, float32."""
         pairs = int(self.pairs)
-        device = self.gained.device
         means = [int(total) / _UNITS / pairs if pairs else torch.nan for total in self.gained]
         return {
-            name: torch.tensor(mean, dtype=torch.float32, device=device)
+            name: torch.tensor(mean, dtype=torch.float32, device=self.gained.device)
             for name, mean in zip(("translation", "rotation"), means, strict=True)
         }

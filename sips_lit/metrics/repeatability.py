@@ -19,9 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.geometry.homography import apply_homography
-from sips_lit.geometry.point_depth import View, views
-from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.geometry.projection import View, apply_homography, inside, posed_views, transfer_to_view
 from sips_lit.types import DisparityMatcher, FloatArray, FramePair, Keypoints, Matches
 
 
@@ -63,11 +61,12 @@ def move_points(
         H = pair.homography
         forward = _by_homography(H, keypoints0.xy, pair.image1.shape)
         return forward, _by_homography(np.linalg.inv(H), keypoints1.xy, pair.image0.shape)
-    both, T_1_0 = views(pair), None if pair.geometry is None else pair.geometry.T_1_0
-    if both is None or T_1_0 is None or not (both[0].has_depth or both[1].has_depth):
+    posed = posed_views(pair)
+    if posed is None:
         return None
-    forward = _by_depth(keypoints0, *both, T_1_0, stereo, occlusion)
-    return forward, _by_depth(keypoints1, *both[::-1], np.linalg.inv(T_1_0), stereo, occlusion)
+    view0, view1, T_1_0 = posed
+    forward = _by_depth(keypoints0, view0, view1, T_1_0, stereo, occlusion)
+    return forward, _by_depth(keypoints1, view1, view0, np.linalg.inv(T_1_0), stereo, occlusion)
 
 
 def repeated(
@@ -116,7 +115,7 @@ def _distances(xy0: FloatArray, xy1: FloatArray, moved0: MovedPoints, moved1: Mo
 
 def _by_homography(H: FloatArray, xy: FloatArray, shape: tuple[int, ...]) -> MovedPoints:
     moved = apply_homography(H, xy)
-    return MovedPoints(moved, np.ones(len(xy), np.bool_), _inside(moved, (shape[1], shape[0])))
+    return MovedPoints(moved, np.ones(len(xy), np.bool_), inside(moved, (shape[1], shape[0])))
 
 
 def _by_depth(
@@ -127,21 +126,9 @@ def _by_depth(
     stereo: DisparityMatcher,
     occlusion: float,
 ) -> MovedPoints:
-    xy = keypoints.xy
     if not here.has_depth:
-        everything = np.ones(len(xy), np.bool_)
-        return MovedPoints(np.full((len(xy), 2), np.nan), everything, everything)
+        everything = np.ones(len(keypoints), np.bool_)
+        return MovedPoints(np.full((len(keypoints), 2), np.nan), everything, everything)
     own = here.depth_of(keypoints, stereo)
-    moved, distance = transfer(xy, own, here.camera, there.camera, T_there_here)
-    visible = _inside(moved, there.camera.size)
-    if there.depth is not None:
-        surface = sample_depth(there.depth, np.where(np.isfinite(moved), moved, -10))
-        with np.errstate(invalid="ignore"):
-            visible &= ~np.asarray(surface < distance * (1 - occlusion))
+    moved, visible = transfer_to_view(keypoints.xy, own, here, there, T_there_here, occlusion)
     return MovedPoints(moved, np.isfinite(own), visible)
-
-
-def _inside(xy: FloatArray, size: tuple[int, int]) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore"):
-        inside: NDArray[np.bool_] = np.all((xy >= -0.5) & (xy <= np.array(size) - 0.5), axis=1)
-    return inside

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torchmetrics import Metric
 
+from sips_lit.inliers.verifier import points_needed
+
 
 @dataclass(frozen=True, slots=True)
 class SuccinctnessResult:
@@ -42,12 +44,6 @@ class SuccinctnessResult:
         return self.failures / self.pairs if self.pairs else float("nan")
 
 
-def points_at(curve: NDArray[np.float64], fraction: float = 0.8) -> int | None:
-    """The smallest n with s(n) >= ``fraction``, None if the curve never gets there."""
-    reached = np.flatnonzero(curve >= fraction)
-    return int(reached[0]) if len(reached) else None
-
-
 def histogram(n_k: Iterable[int | None], n_max: int) -> NDArray[np.int64]:
     """How many pairs have n_k = 0 … n_max, and in the last entry how many failed (None, or above ``n_max``).
 
@@ -67,8 +63,8 @@ def summarise(counts: NDArray[np.int64], k: int) -> SuccinctnessResult:
     curve = np.cumsum(counts[:-1]) / pairs if pairs else np.full(n_max + 1, np.nan)
     return SuccinctnessResult(
         auc=float(curve[:-1].mean()),
-        n_at_80=points_at(curve, 0.8),
-        median=points_at(curve, 0.5),
+        n_at_80=points_needed(curve, 0.8),
+        median=points_needed(curve, 0.5),
         failures=int(counts[-1]),
         pairs=pairs,
         k=k,
@@ -105,12 +101,7 @@ class Succinctness(Metric):
     def compute(self) -> dict[str, Tensor]:
         """The scalars of the summary, float32."""
         result = summarise(self.counts.cpu().numpy(), self.k)
-        scalars = {
-            "auc": result.auc,
-            "n_at_80": result.n_at_80,
-            "median": result.median,
-            "failure_rate": result.failure_rate,
-        }
+        scalars = {name: getattr(result, name) for name in ("auc", "n_at_80", "median", "failure_rate")}
         return {
             name: torch.tensor(torch.nan if value is None else value, dtype=torch.float32, device=self.counts.device)
             for name, value in scalars.items()

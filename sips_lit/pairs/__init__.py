@@ -1,1 +1,1 @@
-"""Which two frames: overlap index, sampling, pair lists, shards."""
+"""Which two frames: overlap index, sampling, pair lists, indexing of many recordings."""

@@ -1,20 +1,21 @@
-"""Building the overlap indexes of many sequences: in parallel, with progress, each stored as soon as it is done."""
+"""Overlap indexes as files: built for many sequences in parallel, with progress, each stored as soon as it is done."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+import hashlib
+import io
+import json
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.overlap import (
-    OverlapIndex,
-    OverlapParameters,
-    index_path,
-    load_index,
-    measure_overlap,
-    save_index,
-)
+from sips_lit.files import make_folder, write_whole
+from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, measure_overlap
 from sips_lit.progress import progress
 from sips_lit.types import ImageSequence
 
@@ -31,22 +32,18 @@ def build_indexes(
     folder = Path(folder)
     ranges = [sequence.source_range() for sequence in sequences]
     wholes = {index_path(folder, whole): whole for whole, _, _ in ranges}
-    indexes = {path: stored_index(whole, folder, parameters) for path, whole in wholes.items()}
-    missing = [path for path, index in indexes.items() if index is None]
+    stored = [(path, stored_index(whole, folder, parameters)) for path, whole in wholes.items()]
+    indexes = {path: index for path, index in stored if index is not None}
+    missing = [path for path in wholes if path not in indexes]
     total = sum(len(wholes[path]) for path in missing)
     with progress(desc="overlap index", unit="frame", total=total) as bar:
         pool = ThreadPoolExecutor(max(1, workers))
         try:
             measured = pool.map(lambda path: measure(wholes[path], folder, parameters, bar.update), missing)
-            indexes |= dict(zip(missing, list(measured), strict=True))
+            indexes.update(zip(missing, measured, strict=True))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-    parts = []
-    for whole, start, stop in ranges:
-        index = indexes[index_path(folder, whole)]
-        assert index is not None
-        parts.append(index if stop - start == len(whole) else index.part(start, stop))
-    return parts
+    return [indexes[index_path(folder, whole)].part(start, stop) for whole, start, stop in ranges]
 
 
 def stored_index(sequence: ImageSequence, folder: Path, parameters: OverlapParameters) -> OverlapIndex | None:
@@ -55,7 +52,11 @@ def stored_index(sequence: ImageSequence, folder: Path, parameters: OverlapParam
     It is not, either, when a frame can be read that could not: a disk may have been away.
     """
     index = load_index(index_path(folder, sequence), parameters.signature(sequence))
-    return None if index is None or any(_readable(sequence, frame) for frame in index.unreadable) else index
+    for frame in index.unreadable if index else ():
+        with contextlib.suppress(BadInputError):
+            sequence.frame(frame)
+            return None
+    return index
 
 
 def measure(
@@ -65,6 +66,38 @@ def measure(
     index = measure_overlap(sequence, parameters, on_frame)
     save_index(index_path(folder, sequence), index, parameters.signature(sequence))
     return index
+
+
+def index_path(folder: Path, sequence: ImageSequence) -> Path:
+    """Where the index of a sequence is stored."""
+    digest = hashlib.sha256(f"{sequence.name}|{sequence.fingerprint}".encode()).hexdigest()[:8]
+    return folder / f"{sequence.name}-{digest}.overlap.npz"
+
+
+def save_index(path: Path, index: OverlapIndex, signature: Mapping[str, Any]) -> None:
+    """Writes an index atomically: a reader sees the old file or the new one, never half of one.
+
+    Raises BadInputError when the folder can't be written (full disk, no permission).
+    """
+    content, text = io.BytesIO(), np.array(json.dumps(signature, sort_keys=True))
+    why = np.array(json.dumps({str(frame): reason for frame, reason in index.unreadable.items()}))
+    np.savez(
+        content, survivors=index.survivors, offsets=index.offsets, points=index.points, unreadable=why, signature=text
+    )
+    make_folder(path.parent)
+    write_whole(path, content.getvalue())
+
+
+def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:
+    """The stored index, or None if there is none, it is damaged, or it was made from other frames or parameters."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if json.loads(str(stored["signature"])) != json.loads(json.dumps(signature)):
+                return None
+            unreadable = {int(frame): why for frame, why in json.loads(str(stored["unreadable"])).items()}
+            return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"], unreadable)
+    except Exception:  # a damaged zip file can raise almost anything, and an index can always be measured again
+        return None
 
 
 def require_readable(indexes: Sequence[OverlapIndex]) -> None:
@@ -78,11 +111,3 @@ def require_readable(indexes: Sequence[OverlapIndex]) -> None:
 def unreadable_frames(indexes: Sequence[OverlapIndex]) -> list[str]:
     """Why frames can't be read, one sentence each."""
     return [why for index in indexes for why in index.unreadable.values()]
-
-
-def _readable(sequence: ImageSequence, frame: int) -> bool:
-    try:
-        sequence.frame(frame)
-    except BadInputError:
-        return False
-    return True

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import io
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -15,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import make_folder, write_whole
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import GreyImage, ImageSequence
 
@@ -40,9 +35,8 @@ class OverlapParameters:
 
     def signature(self, sequence: ImageSequence) -> dict[str, Any]:
         """What an index depends on; a stored one with another signature is stale."""
-        own = {key: value for key, value in asdict(self).items() if key != "tracker"}
         frames = {"name": sequence.name, "fingerprint": sequence.fingerprint, "frames": len(sequence)}
-        return {"version": VERSION, **own, "tracker": dict(self.tracker.parameters), **frames}
+        return {"version": VERSION, **asdict(self), "tracker": dict(self.tracker.parameters), **frames}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +60,7 @@ class OverlapIndex:
     def overlap(self, index: int) -> NDArray[np.float64]:
         """Overlap of frame ``index`` with frames index + 1, index + 2, ...; zero beyond the end."""
         row = self.survivors[self.offsets[index] : self.offsets[index + 1]]
-        overlap: NDArray[np.float64] = row / max(1, self.points[index])
-        return overlap
+        return np.asarray(row / max(1, self.points[index]), np.float64)
 
     def reach(self, overlap: float) -> NDArray[np.int64]:
         """For each frame (N,) how many later frames still have at least this overlap."""
@@ -82,6 +75,8 @@ class OverlapIndex:
 
     def part(self, start: int, stop: int) -> OverlapIndex:
         """The index of frames ``start`` to ``stop`` (exclusive), counted from ``start``."""
+        if stop - start == len(self):
+            return self
         ends = np.minimum(self.offsets[start + 1 : stop + 1], self.offsets[start:stop] + np.arange(stop - start)[::-1])
         rows = [self.survivors[a:b] for a, b in zip(self.offsets[start:stop], ends, strict=True)]
         unreadable = {index - start: why for index, why in self.unreadable.items() if start <= index < stop}
@@ -94,12 +89,11 @@ def measure_overlap(
     """Index of a sequence: by KLT in one pass over its frames, or by geometry where it knows its homographies.
 
     A frame that can't be read is a break in the sequence. Raises BadInputError when at least half of them can't.
-
     Only two frames are held at a time; what grows with the video is the index itself, by at most 2 ``max_span`` bytes a
     frame.
     """
     planar = len(sequence) > 1 and sequence.homography(0, 1) is not None
-    points = np.zeros(len(sequence), np.int64)
+    points: list[int] = []
     rows: list[NDArray[np.uint16]] = []
     unreadable: dict[int, str] = {}
 
@@ -114,13 +108,12 @@ def measure_overlap(
                 ) from error
             return None
 
-    for index, point_count, finished in (
-        _map_all(sequence, read, parameters) if planar else _track_all(len(sequence), read, parameters)
-    ):
-        points[index] = point_count
+    measured = _map_all(sequence, read, parameters) if planar else _track_all(len(sequence), read, parameters)
+    for point_count, finished in measured:
+        points.append(point_count)
         rows += [np.array(row, np.uint16) for row in finished]
         on_frame()
-    return _as_index(rows, points, unreadable)
+    return _as_index(rows, np.array(points, np.int64), unreadable)
 
 
 def _as_index(
@@ -132,7 +125,7 @@ def _as_index(
 
 def _map_all(
     sequence: ImageSequence, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
-) -> Iterator[tuple[int, int, list[list[int]]]]:
+) -> Iterator[tuple[int, list[list[int]]]]:
     """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view.
 
     Where the order of the frames means nothing a point need not be in view in the frames between, and none is in view in a
@@ -155,7 +148,7 @@ def _map_all(
                 if not len(seen):
                     break
             row.append(int(inside.sum()))
-        yield index, len(grid), [row]
+        yield len(grid), [row]
 
 
 def _sizes(sequence: ImageSequence, read: Callable[[int], GreyImage | None]) -> list[tuple[int, ...] | None]:
@@ -174,11 +167,10 @@ def _sizes(sequence: ImageSequence, read: Callable[[int], GreyImage | None]) -> 
 
 def _track_all(
     length: int, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
-) -> Iterator[tuple[int, int, list[list[int]]]]:
-    """For each frame: its index, how many points it has, and the rows that end here, in the order of their frames.
+) -> Iterator[tuple[int, list[list[int]]]]:
+    """For each frame how many points it has, and the rows that end here, in the order of their frames.
 
     ``read`` gives a frame, or None where it can't be read: all tracks end there.
-
     One set of tracks serves all frames: the points of frame i are those alive in it, so its survivors in frame j are the
     tracks alive in j that were born in i or before. An earlier frame has fewer survivors, so rows end in order.
     """
@@ -210,7 +202,7 @@ def _track_all(
         if index == length - 1:
             finished += open_rows.values()
         previous = image
-        yield index, len(xy), finished
+        yield len(xy), finished
 
 
 def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArray[np.float32]:
@@ -236,35 +228,3 @@ def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArr
     inside = best[row, column]
     y, x = row * 2 * block + inside // (2 * block), column * 2 * block + inside % (2 * block)
     return np.stack([2 * x + 0.5, 2 * y + 0.5], 1).astype(np.float32)
-
-
-def index_path(folder: Path, sequence: ImageSequence) -> Path:
-    """Where the index of a sequence is stored."""
-    digest = hashlib.sha256(f"{sequence.name}|{sequence.fingerprint}".encode()).hexdigest()[:8]
-    return folder / f"{sequence.name}-{digest}.overlap.npz"
-
-
-def save_index(path: Path, index: OverlapIndex, signature: Mapping[str, Any]) -> None:
-    """Writes an index atomically: a reader sees the old file or the new one, never half of one.
-
-    Raises BadInputError when the folder can't be written (full disk, no permission).
-    """
-    content, text = io.BytesIO(), np.array(json.dumps(signature, sort_keys=True))
-    why = np.array(json.dumps({str(frame): reason for frame, reason in index.unreadable.items()}))
-    np.savez(
-        content, survivors=index.survivors, offsets=index.offsets, points=index.points, unreadable=why, signature=text
-    )
-    make_folder(path.parent)
-    write_whole(path, content.getvalue())
-
-
-def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:
-    """The stored index, or None if there is none, it is damaged, or it was made from other frames or parameters."""
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            if json.loads(str(stored["signature"])) != json.loads(json.dumps(signature)):
-                return None
-            unreadable = {int(frame): why for frame, why in json.loads(str(stored["unreadable"])).items()}
-            return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"], unreadable)
-    except Exception:  # a damaged zip file can raise almost anything, and an index can always be measured again
-        return None

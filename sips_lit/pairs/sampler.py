@@ -1,15 +1,17 @@
-"""Frame pairs: drawn at random by overlap (paper, pair selection), and read with all frames between."""
+"""Frame pairs: drawn at random by source and overlap (paper, pair selection), and read with all frames between."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.source import Source
 from sips_lit.pairs.overlap import OverlapIndex
-from sips_lit.types import FramePair, ImageSequence, ViewGeometry
+from sips_lit.types import FramePair, ImageSequence, InlierCheck, ViewGeometry
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +23,18 @@ class PairChoice:
     index1: int
 
 
+@dataclass(frozen=True, slots=True)
+class SourcePair:
+    """A pair and the position of its source in the list of sources.
+
+    ``skipped`` tells why pairs that were drawn in its place before could not be read.
+    """
+
+    pair: FramePair
+    source: int
+    skipped: tuple[str, ...] = ()
+
+
 class PairSampler:
     """Draws a random frame of some sequences and a random later frame with enough overlap, in random order.
 
@@ -29,12 +43,10 @@ class PairSampler:
     """
 
     def __init__(self, indexes: Sequence[OverlapIndex], overlap: float, seed: int, names: Sequence[str] = ()) -> None:
-        reaches = [index.reach(overlap) for index in indexes]
-        eligible = [np.flatnonzero(reach) for reach in reaches]
         self.seed, self.overlap, self.indexes = seed, overlap, list(indexes)
-        self._sequence = np.repeat(np.arange(len(indexes)), [len(e) for e in eligible])
+        eligible = [np.flatnonzero(index.reach(overlap)) for index in indexes]
+        self._sequence = np.repeat(np.arange(len(indexes)), [len(frames) for frames in eligible])
         self._frame = np.concatenate([*eligible, np.zeros(0, np.int64)])
-        self._reach = np.concatenate([*(r[e] for r, e in zip(reaches, eligible, strict=True)), np.zeros(0, np.int64)])
         if not len(self._frame):
             best = max(
                 (float(index.overlap(i).max(initial=0)) for index in indexes for i in range(len(index))), default=0
@@ -47,14 +59,70 @@ class PairSampler:
     def draw(self, epoch: int, index: int) -> PairChoice:
         """Draw number ``index`` of an epoch."""
         generator = np.random.default_rng([self.seed, epoch, index])
-        at = int(generator.integers(len(self._frame)))
-        first = int(self._frame[at])
-        which = int(generator.integers(1, self._reach[at] + 1)) - 1
-        sequence = int(self._sequence[at])
-        second = int(self.indexes[sequence].partners(first, self.overlap)[which])
+        at = generator.integers(len(self._frame))
+        sequence, first = int(self._sequence[at]), int(self._frame[at])
+        partners = self.indexes[sequence].partners(first, self.overlap)
+        second = int(partners[generator.integers(len(partners))])
         if generator.random() < 0.5:
             first, second = second, first
         return PairChoice(sequence, first, second)
+
+
+class SourceSampler:
+    """Draws a source by weight, then a pair of it: a pure function of (seed, epoch, index).
+
+    ``indexes`` are the overlap indexes of all sequences of all sources, in their order. Raises BadInputError when a source
+    has no pair with this overlap.
+    """
+
+    def __init__(self, sources: Sequence[Source], indexes: Sequence[OverlapIndex], overlap: float, seed: int) -> None:
+        self.seed, self.indexes = seed, list(indexes)
+        self.samplers = []
+        remaining = iter(indexes)
+        for source in sources:
+            own = list(itertools.islice(remaining, len(source.sequences)))
+            names = [sequence.name for sequence in source.sequences[:3]]
+            self.samplers.append(PairSampler(own, overlap, seed, names=names))
+        weights = np.cumsum([source.weight for source in sources])
+        self.cumulative_weight = weights / weights[-1]
+
+    def draw(self, epoch: int, index: int) -> tuple[int, PairChoice]:
+        """Position of the source, and the pair."""
+        # the last number sets this stream apart from the pair's own; a 0 would not: numpy ignores trailing zeros
+        generator = np.random.default_rng([self.seed, epoch, index, 2])
+        at = int(np.searchsorted(self.cumulative_weight, generator.random(), side="right"))
+        return at, self.samplers[at].draw(epoch, index)
+
+    def fixed(
+        self, count: int, usable: Callable[[int, PairChoice], bool] = lambda source, choice: True
+    ) -> list[tuple[int, PairChoice]]:
+        """``count`` different ``usable`` pairs (fewer if there are not so many), always the same for a seed."""
+        chosen: dict[tuple[int, PairChoice], bool] = {}
+        for index in range(20 * count):  # draws repeat: stop looking after many
+            drawn = self.draw(0, index)
+            if drawn not in chosen:
+                chosen[drawn] = usable(*drawn)
+            if sum(chosen.values()) == count:
+                break
+        return [drawn for drawn, used in chosen.items() if used]
+
+
+@dataclass(frozen=True, slots=True)
+class FixedPairs:
+    """The same pairs every time, unaugmented, for validation and evaluation."""
+
+    sources: Sequence[Source]
+    choices: Sequence[tuple[int, PairChoice]]
+    default: InlierCheck
+
+    def __len__(self) -> int:
+        return len(self.choices)
+
+    def __getitem__(self, index: int) -> SourcePair:
+        """Pair ``index``; raises BadInputError when one of its frames can't be read."""
+        at, choice = self.choices[index]
+        sequence, check = self.sources[at].sequences[choice.sequence], self.sources[at].inliers or self.default
+        return SourcePair(read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth), at)
 
 
 def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool = True, depth: bool = True) -> FramePair:
@@ -70,17 +138,9 @@ def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool =
         )
     step = 1 if index1 > index0 else -1
     indices = range(index0, index1 + step, step) if between else (index0, index1)
-    frames = tuple(sequence.frame(index) for index in indices)
-    return FramePair(
-        name=f"{sequence.name}:{index0}-{index1}",
-        index0=index0,
-        index1=index1,
-        frames=frames,
-        image0=frames[0],
-        image1=frames[-1],
-        homography=sequence.homography(index0, index1),
-        geometry=_geometry(sequence, index0, index1, depth),
-    )
+    name, frames = f"{sequence.name}:{index0}-{index1}", tuple(sequence.frame(index) for index in indices)
+    homography, geometry = sequence.homography(index0, index1), _geometry(sequence, index0, index1, depth)
+    return FramePair(name, index0, index1, frames, frames[0], frames[-1], homography, geometry)
 
 
 def _geometry(sequence: ImageSequence, index0: int, index1: int, depth: bool) -> ViewGeometry | None:

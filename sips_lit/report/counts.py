@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.result import PairSetResult
+from sips_lit.evaluate.result import PairSetResult, PoseOutcome
 from sips_lit.report.summary import at_main_budget
 
 OUTCOMES: Final = {

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sips_lit.evaluate.feature_cache import FeatureCache, image_key
+from sips_lit.evaluate.features import FeatureCache, image_key
 from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.method import Method
 from sips_lit.evaluate.pair_set import PairSet

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.result import AtBudget, FloatArray, IntArray, MethodResult
+from sips_lit.evaluate.result import AtBudget, FloatArray, IntArray, MethodResult, PoseOutcome
 from sips_lit.metrics.pose_auc import pose_auc
 from sips_lit.metrics.succinctness import SuccinctnessResult, histogram, summarise
 
@@ -96,7 +95,7 @@ def over_repeats_deviation(values: Sequence[float]) -> float:
 def without_pose(outcome: IntArray) -> float:
     """How many pairs have no pose though the true one is known, the mean over the repeats; NaN where none is known.
 
-    ``outcome`` (P, R): `sips_lit.evaluate.pair_pose.PoseOutcome`.
+    ``outcome`` (P, R): `sips_lit.evaluate.result.PoseOutcome`.
     """
     known: NDArray[np.bool_] = outcome != PoseOutcome.UNKNOWN
     if not known.any():

@@ -42,8 +42,10 @@ class KltTracker:
         if not len(xy):
             return xy.reshape(0, 2), np.zeros(0, np.bool_)
         no_guess: Any = None  # OpenCV's type stubs do not know that it may be left out
-        forth, found, _ = cv2.calcOpticalFlowPyrLK(image0, image1, xy, no_guess, **self._options())
-        back, found_back, _ = cv2.calcOpticalFlowPyrLK(image1, image0, forth, no_guess, **self._options())
+        stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, self.iterations, self.accuracy)
+        options: dict[str, Any] = {"winSize": (self.window, self.window), "maxLevel": self.max_level, "criteria": stop}
+        forth, found, _ = cv2.calcOpticalFlowPyrLK(image0, image1, xy, no_guess, **options)
+        back, found_back, _ = cv2.calcOpticalFlowPyrLK(image1, image0, forth, no_guess, **options)
         height, width = image1.shape
         high = np.array([width, height], np.float32) - 1 - self.margin
         returns = ((back - xy) ** 2).sum(1) <= self.max_roundtrip**2
@@ -68,7 +70,3 @@ class KltTracker:
         survived = np.zeros(len(xy), np.bool_)
         survived[alive] = True
         return ends, survived
-
-    def _options(self) -> dict[str, Any]:
-        stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, self.iterations, self.accuracy)
-        return {"winSize": (self.window, self.window), "maxLevel": self.max_level, "criteria": stop}

@@ -16,13 +16,11 @@ from torch.utils.data import DataLoader
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources, split_tail
 from sips_lit.pairs.build import build_indexes, unreadable_frames
-from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
-from sips_lit.pairs.sampler import PairChoice, read_pair
-from sips_lit.pairs.source_pairs import FixedPairs, SourceSampler
+from sips_lit.pairs.overlap import OverlapParameters
+from sips_lit.pairs.sampler import FixedPairs, PairChoice, SourceSampler, read_pair
 from sips_lit.train.augment import Augmentation
-from sips_lit.train.dataset import PackedPairs, TrainingPairs
+from sips_lit.train.dataset import PackedPairs, SkippedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead
-from sips_lit.train.skipped import SkippedPairs
 from sips_lit.types import Descriptor, ImageSequence, InlierCheck
 
 
@@ -67,11 +65,6 @@ class PairDataModule(L.LightningDataModule):
                 "datamodule.val_fraction, or validation data of its own (data@val_data=... val_data.path=...)"
             )
 
-    @property
-    def source_names(self) -> list[str]:
-        """Names of the training sources, in the order of `LabelledPair.source`."""
-        return [source.name for source in self.sources]
-
     def check_of(self, source: Source) -> InlierCheck:
         """The inlier check that labels or verifies pairs of a source."""
         return source.inliers or self.inliers
@@ -79,43 +72,36 @@ class PairDataModule(L.LightningDataModule):
     def prepare_data(self) -> None:
         """Measures the overlap indexes that are missing (on one process of each machine)."""
         for sources in (self.sources, self.val_sources):
-            self._sampler(sources, self._indexes(sources))  # tells of data without pairs before processes start
+            self._sampler(sources)  # tells of data without pairs before processes start
 
     def setup(self, stage: str) -> None:
         """Reads the indexes and fixes the validation pairs; warns of frames that can't be read, which are in no pair."""
-        indexes, val_indexes = self._indexes(self.sources), self._indexes(self.val_sources)
-        warn_unreadable("frames of the training data", unreadable_frames(indexes))
-        warn_unreadable("frames of the validation data", unreadable_frames(val_indexes))
-        self.sampler = self._sampler(self.sources, indexes)
+        self.sampler, val_sampler = self._sampler(self.sources), self._sampler(self.val_sources)
+        warn_unreadable("frames of the training data", unreadable_frames(self.sampler.indexes))
+        warn_unreadable("frames of the validation data", unreadable_frames(val_sampler.indexes))
         unreadable: list[str] = []
 
-        def usable(source: int, choice: PairChoice) -> bool:
-            why = self._why_unreadable(self.val_sources[source], choice)
-            unreadable.extend([] if why is None else [why])
-            return why is None
+        def usable(at: int, choice: PairChoice) -> bool:
+            source = self.val_sources[at]
+            sequence, check = source.sequences[choice.sequence], self.check_of(source)
+            if not check.uses_depth and sequence.homography(choice.index0, choice.index1) is None:
+                return True  # the overlap index has seen all that is read of it
+            try:
+                read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
+            except BadInputError as error:
+                unreadable.append(str(error))
+                return False
+            return True
 
-        self.val_choices = self._sampler(self.val_sources, val_indexes).fixed(self.val_pairs, usable)
+        self.val_choices = val_sampler.fixed(self.val_pairs, usable)
         warn_unreadable("validation pairs", unreadable)
         if not self.val_choices:
             raise BadInputError(f"no validation pair can be read; the first: {unreadable[0]}")
 
-    def _indexes(self, sources: list[Source]) -> list[OverlapIndex]:
+    def _sampler(self, sources: list[Source]) -> SourceSampler:
         sequences = [sequence for source in sources for sequence in source.sequences]
-        return build_indexes(sequences, self.index_folder, self.overlap_parameters, max(1, self.loading_workers))
-
-    def _sampler(self, sources: list[Source], indexes: list[OverlapIndex]) -> SourceSampler:
+        indexes = build_indexes(sequences, self.index_folder, self.overlap_parameters, self.loading_workers)
         return SourceSampler(sources, indexes, self.overlap, self.seed)
-
-    def _why_unreadable(self, source: Source, choice: PairChoice) -> str | None:
-        """Why a pair can't be read; None if it can, or the overlap index has seen all that is read of it."""
-        sequence, check = source.sequences[choice.sequence], self.check_of(source)
-        if not check.uses_depth and sequence.homography(choice.index0, choice.index1) is None:
-            return None
-        try:
-            read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
-        except BadInputError as error:
-            return str(error)
-        return None
 
     def train_dataloader(self) -> OneStepAhead:
         """Labelled pairs; the points are selected by the module that is being trained."""

@@ -1,41 +1,40 @@
-"""Training pairs as a dataset, and how pairs pass between processes: decoding and augmentation run in DataLoader workers."""
+"""Training pairs, the count of those left out, and how pairs pass between processes: DataLoader workers make them."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
 from torch.utils.data import Dataset
+from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
-from sips_lit.pairs.sampler import read_pair
-from sips_lit.pairs.source_pairs import FixedPairs, SourcePair, SourceSampler
+from sips_lit.pairs.sampler import FixedPairs, SourcePair, SourceSampler, read_pair
 from sips_lit.train.augment import Augmentation
-from sips_lit.types import FramePair, GreyImage, InlierCheck
+from sips_lit.types import InlierCheck
 
+NOTHING = np.zeros((0, 0), np.uint8)
 TRIES = 20
+TRUSTED = 50  # pairs left out before their share counts
 
 
-class TrainingPairs(Dataset[SourcePair]):
+@dataclass(slots=True)
+class TrainingPairs:
     """Pair number i of a run, the same whichever worker makes it and after whichever interruption.
 
     In place of a pair that can't be read another is drawn, until one can.
     """
 
-    def __init__(
-        self,
-        sources: Sequence[Source],
-        sampler: SourceSampler,
-        default: InlierCheck,
-        augmentation: Augmentation | None,
-        length: int,
-    ) -> None:
-        self.sources, self.sampler, self.augmentation, self.length = list(sources), sampler, augmentation, length
-        self.checks = [source.inliers or default for source in sources]
+    sources: Sequence[Source]
+    sampler: SourceSampler
+    default: InlierCheck
+    augmentation: Augmentation | None
+    length: int
 
     def __len__(self) -> int:
         return self.length
@@ -45,7 +44,7 @@ class TrainingPairs(Dataset[SourcePair]):
         skipped: list[str] = []
         for attempt in range(TRIES):
             at, choice = self.sampler.draw(attempt, index)  # a run is one long epoch: the sampler's epoch counts tries
-            sequence, check = self.sources[at].sequences[choice.sequence], self.checks[at]
+            sequence, check = self.sources[at].sequences[choice.sequence], self.sources[at].inliers or self.default
             try:
                 pair = read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
             except BadInputError as error:
@@ -57,6 +56,38 @@ class TrainingPairs(Dataset[SourcePair]):
                 pair = self.augmentation(pair, generator, planar)
             return SourcePair(pair, at, tuple(skipped))
         raise BadInputError(f"{TRIES} training pairs in a row can't be read; the first: {skipped[0]}")
+
+
+class SkippedPairs:
+    """Counts the pairs that a run left out; warns of the first, and refuses to go on with less than half of the pairs."""
+
+    def __init__(self) -> None:
+        self.count, self.first = 0, ""
+
+    def add(self, reasons: Sequence[str], pairs: int) -> None:
+        """Counts pairs left out, one reason each, before pair number ``pairs`` (from 1) of a run.
+
+        Raises BadInputError when more than half of all pairs can't be read.
+        """
+        if reasons and not self.count:
+            self.first = reasons[0]
+            tqdm.write(f"warning: a training pair is left out, and others may be: {self.first}", file=sys.stderr)
+        self.count += len(reasons)
+        if self.count >= TRUSTED and self.count > pairs:
+            raise BadInputError(
+                f"{self.count} of the first {self.count + pairs} training pairs can't be read; the first: {self.first}"
+            )
+
+    def __str__(self) -> str:
+        return f"{self.count} training pairs were left out; the first: {self.first}"
+
+    def state_dict(self) -> dict[str, Any]:
+        """Plain values, as a checkpoint may hold."""
+        return {"count": self.count, "first": self.first}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Goes on counting."""
+        self.count, self.first = state["count"], state["first"]
 
 
 class PackedPairs(Dataset[dict[str, Any] | BadInputError]):
@@ -84,7 +115,7 @@ def pack(item: SourcePair) -> dict[str, Any]:
     """The pair with all its images in one flat tensor."""
     images = [*item.pair.frames, item.pair.image0, item.pair.image1]
     return {
-        "item": replace(item, pair=_with_images(item.pair, [])),
+        "item": replace(item, pair=replace(item.pair, frames=(), image0=NOTHING, image1=NOTHING)),
         "shapes": [image.shape for image in images],
         "pixels": torch.from_numpy(np.concatenate([image.ravel() for image in images])),
     }
@@ -97,13 +128,6 @@ def unpack(packed: Mapping[str, Any] | BadInputError) -> SourcePair:
     shapes: list[tuple[int, int]] = packed["shapes"]
     borders = np.cumsum([height * width for height, width in shapes])[:-1]
     parts = np.split(packed["pixels"].numpy(), borders)
-    images = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+    *frames, image0, image1 = (part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
     item: SourcePair = packed["item"]
-    return replace(item, pair=_with_images(item.pair, images))
-
-
-def _with_images(pair: FramePair, images: list[GreyImage]) -> FramePair:
-    """The same pair with other images: its frames, then image 0 and image 1; or without any."""
-    nothing = np.zeros((0, 0), np.uint8)
-    *frames, image0, image1 = images or [nothing, nothing]
-    return replace(pair, frames=tuple(frames), image0=image0, image1=image1)
+    return replace(item, pair=replace(item.pair, frames=tuple(frames), image0=image0, image1=image1))

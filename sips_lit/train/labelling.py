@@ -25,11 +25,9 @@ def label_pair(
     parts: int = 1,
 ) -> tuple[PointLabels, PointLabels]:
     """Labels of the points of both images. ``parallel`` may run up to ``parts`` calls at once; the labels don't change."""
-    described = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
-    features0, features1 = (
-        Features(keypoints, descriptors, descriptor.norm)
-        for keypoints, descriptors in zip((keypoints0, keypoints1), described, strict=True)
-    )
+    described0, described1 = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
+    features0 = Features(keypoints0, described0, descriptor.norm)
+    features1 = Features(keypoints1, described1, descriptor.norm)
     matches = mutual_nearest(distances(features0, features1))
     inliers = _in_parts(check.prepare(pair, keypoints0, keypoints1), check.independent, matches, parallel, parts)
     return (
@@ -41,12 +39,7 @@ def label_pair(
 def _in_parts(check: PreparedCheck, independent: bool, matches: Matches, parallel: Map, parts: int) -> Inliers:
     if parts == 1 or not independent:
         return check(matches)
-    chunks = [
-        Matches(index0, index1)
-        for index0, index1 in zip(
-            np.array_split(matches.index0, parts), np.array_split(matches.index1, parts), strict=True
-        )
-    ]
+    chunks = map(Matches, np.array_split(matches.index0, parts), np.array_split(matches.index1, parts))
     answers = list(parallel(check, chunks))
     return Inliers(
         np.concatenate([answer.inlier for answer in answers]),

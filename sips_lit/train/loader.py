@@ -18,10 +18,9 @@ from torch.utils.data import DataLoader, Subset
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
 from sips_lit.inliers.point_labels import PointLabels
-from sips_lit.pairs.source_pairs import SourcePair
-from sips_lit.train.dataset import PackedPairs, unpack
+from sips_lit.pairs.sampler import SourcePair
+from sips_lit.train.dataset import PackedPairs, SkippedPairs, unpack
 from sips_lit.train.labelling import label_pair
-from sips_lit.train.skipped import SkippedPairs
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
 
@@ -42,10 +41,9 @@ class LabelledPair:
     name: str
     skipped: int = 0
 
-    def to(self, device: torch.device, non_blocking: bool = False) -> LabelledPair:
+    def to(self, device: torch.device) -> LabelledPair:
         """The same with its images on a device; points and labels stay where they are small and used."""
-        image0, image1 = (image.to(device, non_blocking=non_blocking) for image in (self.image0, self.image1))
-        return replace(self, image0=image0, image1=image1)
+        return replace(self, image0=self.image0.to(device), image1=self.image1.to(device))
 
 
 Points = tuple[SelectedPoints, SelectedPoints]
@@ -75,25 +73,18 @@ class OneStepAhead:
         self.skipped = skipped or SkippedPairs()
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
         self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
-        self.first, self.stride = first, stride  # this process takes pairs first, first + stride, ...
+        self.indices = range(first, len(pairs), stride)  # of the pairs that this process takes
         self.position = 0
         self._ahead: Points | None = None
 
     def __len__(self) -> int:
         """Pairs in the whole stream: independent of the position, as Lightning counts batches from the start."""
-        return len(range(self.first, len(self.pairs), self.stride))
+        return len(self.indices)
 
     def __iter__(self) -> Iterator[LabelledPair]:
         """Continues at ``position``."""
-        indices = range(self.first, len(self.pairs), self.stride)[self.position :]
-        stream = iter(
-            DataLoader(
-                Subset(self.pairs, indices),
-                batch_size=None,
-                num_workers=self.loading_workers,
-                worker_init_fn=_quiet_worker,
-            )
-        )
+        rest = Subset(self.pairs, self.indices[self.position :])
+        stream = iter(DataLoader(rest, batch_size=None, num_workers=self.loading_workers, worker_init_fn=_quiet_worker))
         with _pool(1) as coordinator, _pool(self.labelling_workers) as workers:
 
             def submit(ahead: Points | None = None) -> tuple[Points, tuple[str, ...], Future[LabelledPair]] | None:
@@ -115,18 +106,11 @@ class OneStepAhead:
                 labelling = following
 
     def _label(self, item: SourcePair, points: Points, workers: ThreadPoolExecutor) -> LabelledPair:
-        pair = item.pair
-        labels0, labels1 = label_pair(
-            pair,
-            points[0].keypoints,
-            points[1].keypoints,
-            self.descriptor,
-            self.checks[item.source],
-            workers.map,
-            self.labelling_workers,
-        )
+        pair, check = item.pair, self.checks[item.source]
+        keypoints0, keypoints1 = points[0].keypoints, points[1].keypoints
+        labels = label_pair(pair, keypoints0, keypoints1, self.descriptor, check, workers.map, self.labelling_workers)
         images = image_tensor(pair.image0), image_tensor(pair.image1)
-        return LabelledPair(*images, *points, labels0, labels1, item.source, pair.name)
+        return LabelledPair(*images, *points, *labels, item.source, pair.name)
 
     def state_dict(self) -> dict[str, Any]:
         """Plain numbers and tensors, as a checkpoint may hold."""

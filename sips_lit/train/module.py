@@ -72,7 +72,7 @@ class SipsModule(L.LightningModule):
         reason = np.concatenate([pair.labels0.reason, pair.labels1.reason])[known]
         count = max(1, len(reason))
         rates = {f"labels/{r.name.lower()}": float((reason == r).sum() / count) for r in Reason if r != Reason.UNKNOWN}
-        source = self.data.source_names[pair.source]
+        source = self.data.sources[pair.source].name
         self.log_dict({**rates, f"inlier_rate/{source}": rates["labels/inlier"]}, batch_size=1)
         self.log("train/points", float(len(known)), batch_size=1)
         self.log("data/skipped_pairs", float(pair.skipped), batch_size=1)

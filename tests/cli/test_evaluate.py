@@ -9,8 +9,8 @@ from textured_scenes import texture
 
 from sips_lit.baselines.sift import SiftDetector
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.evaluate.detector import evaluate_detector
 from sips_lit.evaluate.measures import Measures
+from sips_lit.evaluate.runner import evaluate_detector
 from sips_lit.frames.folder import folder
 from sips_lit.inliers.klt import KltInliers
 

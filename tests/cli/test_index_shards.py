@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 from textured_scenes import flight
 
 from sips_lit.cli.index import recordings
-from sips_lit.pairs.index_summary import COLUMNS
+from sips_lit.pairs.index_run import COLUMNS
 
 SHARDS = "shard=1/2,2/2"
 

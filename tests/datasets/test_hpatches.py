@@ -8,7 +8,7 @@ from sips_lit.datasets.hpatches import hpatches
 from sips_lit.datasets.split_lists import split_names
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
 from sips_lit.pairs.sampler import read_pair

@@ -13,7 +13,7 @@ import sips_lit.datasets.virtual_flight as virtual_flight_module
 from sips_lit.datasets.virtual_flight import Path6D, VirtualFlight, flights_over, random_path, virtual_flight
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
 
 STILL = cv2.GaussianBlur(texture(400, 600), (0, 0), 3)  # smooth, so that sampling it twice loses little

@@ -9,8 +9,7 @@ from sips_lit.baselines.sift import SiftDetector
 from sips_lit.describe.orb import OrbDescriptor
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.feature_cache import FeatureCache, image_key
-from sips_lit.evaluate.features import extract
+from sips_lit.evaluate.features import FeatureCache, extract, image_key
 from sips_lit.evaluate.method import Method
 from sips_lit.types import Keypoints
 

@@ -6,7 +6,7 @@ from sips_lit.describe.orb import OrbDescriptor
 from sips_lit.detect.base import BaseDetector
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import extract, with_depth
-from sips_lit.geometry.point_depth import View
+from sips_lit.geometry.projection import View
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.types import Camera, Features, Keypoints
 

@@ -17,15 +17,14 @@ from wall_scene import Wall
 
 from sips_lit.datasets.virtual_flight import VirtualFlight
 from sips_lit.evaluate.measures import Measures
-from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.evaluate.result import PoseOutcome
 from sips_lit.frames.source import Source
-from sips_lit.geometry.homography import apply_homography
-from sips_lit.geometry.projection import sample_depth, transfer
+from sips_lit.geometry.projection import apply_homography, sample_depth, transfer
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.pairs.choice import ListedPair
 
 M = Measures(k=10, ks=(12,), n_max=40, n=20, repeats=2, calibration=(), iterations=300)
 PAIRS = [ListedPair(0, 0, 1, 0.9), ListedPair(0, 0, 2, 0.8), ListedPair(0, 0, 3, 0.7)]

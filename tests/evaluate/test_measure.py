@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from textured_scenes import keypoints
 
-from sips_lit.evaluate.measure import measure
+from sips_lit.evaluate.measure import PoseErrors, measure
 from sips_lit.evaluate.measures import Measures
-from sips_lit.evaluate.pair_pose import PoseErrors, PoseOutcome
+from sips_lit.evaluate.result import PoseOutcome
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.inliers.verifier import VerifiedMatches
 from sips_lit.types import Features, FramePair, Inliers, Matches, Reason

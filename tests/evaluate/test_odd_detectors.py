@@ -14,12 +14,11 @@ from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.measures import Measures
-from sips_lit.evaluate.pair_pose import PoseOutcome
 from sips_lit.evaluate.pair_set import PairSet
-from sips_lit.evaluate.result import PairSetResult
+from sips_lit.evaluate.result import PairSetResult, PoseOutcome
 from sips_lit.frames.source import Source
 from sips_lit.inliers.pose_depth import PoseDepthInliers
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.pairs.choice import ListedPair
 from sips_lit.report.files import write_report
 from sips_lit.report.summary import main_budget
 from sips_lit.report.terminal import table

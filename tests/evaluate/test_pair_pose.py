@@ -5,7 +5,8 @@ import pytest
 from textured_scenes import keypoints
 from wall_scene import DISTANCE, FOCAL, Wall
 
-from sips_lit.evaluate.pair_pose import PoseOutcome, pair_pose
+from sips_lit.evaluate.measure import pair_pose
+from sips_lit.evaluate.result import PoseOutcome
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.types import Matches

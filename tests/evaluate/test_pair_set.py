@@ -5,14 +5,14 @@ import pytest
 from wall_scene import Wall
 
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.feature_cache import image_key
+from sips_lit.evaluate.features import image_key
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.frames.frame_cache import FrameCache
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
-from sips_lit.pairs.pair_file import ListedPair
+from sips_lit.pairs.choice import ListedPair
 
 
 def test_true_motions():

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from tiny_methods import MEASURES
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.result import PairTable
+from sips_lit.evaluate.result import PairTable, PoseOutcome
 
 P, R, K = 6, 1, 2  # pairs, repeats of a verification that is not random, values of k
 SHAPES = {

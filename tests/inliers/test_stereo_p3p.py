@@ -9,10 +9,10 @@ from stereo_scenes import CAMERA, StereoScene
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
+from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.geometry.pnp import p3p_ransac
 from sips_lit.geometry.pose import PoseEstimate, rotation_error, translation_error
 from sips_lit.geometry.projection import sample_depth, transfer
-from sips_lit.geometry.resize import resize_camera
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.inliers.verification import verify
 from sips_lit.pairs.sampler import read_pair
@@ -266,7 +266,7 @@ def test_a_point_of_unknown_depth_never_reaches_the_search(monkeypatch):
     monkeypatch.setattr(poselib, "estimate_absolute_pose", lambda *args: given.append(args[:2]) or search(*args))
     unknown = CHECK(pair, points0, points1, matches).reason == Reason.UNKNOWN
     prepared = CHECK.prepare(pair, points0, points1)
-    lacking = [~side.known for side in (prepared.side0, prepared.side1)]
+    lacking = [~side.known for side in prepared.sides]
     assert lacking[0].any()
     assert lacking[1].any()
     assert [len(points) for _, points in given] == [(~lacking[0]).sum(), (~lacking[1]).sum()]

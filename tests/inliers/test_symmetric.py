@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from sips_lit.inliers.symmetric import symmetric
+from sips_lit.inliers.point_labels import symmetric
 from sips_lit.types import Matches, Reason
 
 I, L, F, U = Reason.INLIER, Reason.LOST, Reason.FAR, Reason.UNKNOWN  # noqa: E741 - a column of a table

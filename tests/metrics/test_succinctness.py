@@ -6,12 +6,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sips_lit.metrics.succinctness import (
-    Succinctness,
-    histogram,
-    points_at,
-    summarise,
-)
+from sips_lit.inliers.verifier import points_needed
+from sips_lit.metrics.succinctness import Succinctness, histogram, summarise
 
 N_KS = st.lists(st.none() | st.integers(0, 25), min_size=1, max_size=30)
 
@@ -46,7 +42,7 @@ def test_summary_equals_the_definition(n_ks):
     assert result.auc == pytest.approx(np.mean(s[:n_max]))
     assert result.failures == len(n_ks) - len(successes)
     assert result.failure_rate == result.failures / len(n_ks)
-    assert points_at(result.curve, 0.3) == next((n for n in range(n_max + 1) if s[n] >= 0.3), None)
+    assert points_needed(result.curve, 0.3) == next((n for n in range(n_max + 1) if s[n] >= 0.3), None)
     ordered = sorted(np.inf if n is None or n > n_max else n for n in n_ks)
     middle = ordered[(len(ordered) - 1) // 2]
     assert result.median == (None if middle == np.inf else middle)

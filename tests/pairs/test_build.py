@@ -4,8 +4,8 @@ from textured_scenes import ArraySequence, film
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.views import FrameRange, frame_ranges
-from sips_lit.pairs.build import build_indexes, require_readable, unreadable_frames
-from sips_lit.pairs.overlap import OverlapParameters, index_path, load_index, measure_overlap
+from sips_lit.pairs.build import build_indexes, index_path, load_index, require_readable, unreadable_frames
+from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
 
 PARAMETERS = OverlapParameters()
 

@@ -4,8 +4,7 @@ from textured_scenes import ArraySequence, flight, texture
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
-from sips_lit.pairs.choice import choose_pairs
-from sips_lit.pairs.pair_file import write_pair_file
+from sips_lit.pairs.choice import choose_pairs, write_pair_file
 
 A, B, C = (flight(7, size=(96, 80), seed=seed, name=name) for seed, name in enumerate("abc"))
 SOURCES = [Source([A]), Source([B, C], weight=2)]

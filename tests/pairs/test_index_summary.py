@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.index_run import IndexedSequence
-from sips_lit.pairs.index_summary import ShareSummary, write_table
+from sips_lit.pairs.index_run import IndexedSequence, ShareSummary, write_table
 
 
 def row(recording: str, sequence: str = "s", **values) -> IndexedSequence:

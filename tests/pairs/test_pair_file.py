@@ -4,7 +4,7 @@ import pytest
 from textured_scenes import flight
 
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.pair_file import ListedPair, read_pair_file, write_pair_file
+from sips_lit.pairs.choice import ListedPair, read_pair_file, write_pair_file
 
 SEQUENCES = [flight(5, size=(40, 30), name="a"), flight(8, size=(40, 30), name="b")]
 

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.recording import Recording
-from sips_lit.pairs.shards import share
+from sips_lit.pairs.index_run import share
 
 
 def recordings(names) -> list[Recording]:

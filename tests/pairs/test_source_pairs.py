@@ -7,8 +7,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.pairs.sampler import PairChoice
-from sips_lit.pairs.source_pairs import FixedPairs
+from sips_lit.pairs.sampler import FixedPairs, PairChoice
 
 
 @pytest.mark.parametrize("weights", [(1.0, 3.0), (2.0, 1.0, 1.0), (0.1, 10.0)])

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 from golden_results import N, golden
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
+from sips_lit.evaluate.result import PoseOutcome
 from sips_lit.report.counts import counts, defects, without_pose
 
 FOUND, UNKNOWN, FEW = PoseOutcome.FOUND, PoseOutcome.UNKNOWN, PoseOutcome.FEW_INLIERS

@@ -21,7 +21,7 @@ from golden_results import (
 )
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
+from sips_lit.evaluate.result import PoseOutcome
 from sips_lit.report.files import write_report
 from sips_lit.report.terminal import protocol_line, table
 

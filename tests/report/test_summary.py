@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from benchmark_examples import detector_result, pair_table
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
+from sips_lit.evaluate.result import PoseOutcome
 from sips_lit.report.summary import (
     at_main_budget,
     error_auc,

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult, PairTable
+from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult, PairTable, PoseOutcome
 from sips_lit.metrics.calibration import CalibrationResult, bin_sums, summarise
 
 KS = (5, 6, 7, 8, 10, 12, 15, 20, 25, 30)

@@ -5,7 +5,7 @@ import statistics
 
 from golden_results import CALIBRATED, DEGREES, KS, METRES, N_MAX, REPEATS, STAGES, K, N
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
+from sips_lit.evaluate.result import PoseOutcome
 
 
 def column(array, repeat=None):

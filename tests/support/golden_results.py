@@ -5,8 +5,7 @@ import math
 
 import numpy as np
 
-from sips_lit.evaluate.pair_pose import PoseOutcome
-from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult, PairTable
+from sips_lit.evaluate.result import AtBudget, MethodResult, PairSetResult, PairTable, PoseOutcome
 from sips_lit.metrics.calibration import CalibrationResult
 
 PAIRS, REPEATS, KS, N_MAX, BUDGETS, CALIBRATED = 6, 4, (4, 7, 12), 90, (20, 60), (30, 80)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from textured_scenes import texture
 
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 
 SIZES = [(160, 120), (120, 160), (140, 110), (160, 121), (90, 96), (160, 120)]
 

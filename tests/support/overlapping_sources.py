@@ -8,7 +8,7 @@ from textured_scenes import flight
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.pairs.overlap import OverlapIndex
-from sips_lit.pairs.source_pairs import SourcePair, SourceSampler
+from sips_lit.pairs.sampler import SourcePair, SourceSampler
 from sips_lit.types import FramePair
 
 

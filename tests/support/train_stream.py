@@ -8,7 +8,7 @@ from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.overlap import OverlapIndex
-from sips_lit.pairs.source_pairs import SourceSampler
+from sips_lit.pairs.sampler import SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead

@@ -8,7 +8,7 @@ import torch
 from textured_scenes import flight, keypoints
 
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.verification import VerifiedPair, verify
 from sips_lit.pairs.sampler import read_pair

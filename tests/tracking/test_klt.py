@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from textured_scenes import flight, texture
 
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.tracking.klt import KltTracker
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from textured_scenes import flight, keypoints, texture
 
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.sampler import read_pair

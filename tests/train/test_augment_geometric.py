@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from textured_scenes import flight, keypoints, texture
 
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.pairs.sampler import read_pair
-from sips_lit.train.augment_geometric import _largest_inside, turn_and_scale, turn_and_scale_pair
+from sips_lit.train.augment import _largest_inside, turn_and_scale, turn_and_scale_pair
 from sips_lit.types import Camera, Matches, ViewGeometry
 
 FLIGHT = flight(6)

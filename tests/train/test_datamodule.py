@@ -125,7 +125,7 @@ def test_indexes_are_measured_once(tmp_path):
 def test_a_source_may_have_an_inlier_check_of_its_own(tmp_path):
     own = HomographyInliers()
     data = module(tmp_path, [Source([DATA[0]], name="plane", inliers=own), Source([DATA[1]], name="film")])
-    assert data.source_names == ["plane", "film"]
+    assert [source.name for source in data.sources] == ["plane", "film"]
     assert data.check_of(data.sources[0]) is own
     assert data.check_of(data.sources[1]) is data.inliers
     loader = ready(data).train_dataloader()

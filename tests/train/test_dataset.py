@@ -7,8 +7,7 @@ from torch.utils.data import DataLoader
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.pairs.sampler import PairChoice
-from sips_lit.pairs.source_pairs import FixedPairs, SourcePair
+from sips_lit.pairs.sampler import FixedPairs, PairChoice, SourcePair
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, TrainingPairs, pack, unpack
 from sips_lit.types import FramePair

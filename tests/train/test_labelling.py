@@ -7,7 +7,7 @@ import pytest
 from textured_scenes import flight, keypoints
 
 from sips_lit.describe.orb import OrbDescriptor
-from sips_lit.geometry.homography import apply_homography
+from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.inliers.klt import KltInliers

@@ -36,7 +36,7 @@ class Logged(dict):
 
     def __init__(self, module: SipsModule) -> None:
         super().__init__()
-        module._trainer = SimpleNamespace(datamodule=SimpleNamespace(source_names=["city"]))
+        module._trainer = SimpleNamespace(datamodule=SimpleNamespace(sources=[SimpleNamespace(name="city")]))
         module.log = lambda name, value, **_: self.update({name: float(value)})
         module.log_dict = lambda values, **_: self.update(values)
 

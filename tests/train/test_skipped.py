@@ -9,11 +9,10 @@ from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.pairs.source_pairs import SourceSampler
+from sips_lit.pairs.sampler import SourceSampler
 from sips_lit.train.augment import Augmentation
-from sips_lit.train.dataset import PackedPairs, TrainingPairs
+from sips_lit.train.dataset import PackedPairs, SkippedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead
-from sips_lit.train.skipped import SkippedPairs
 
 LENGTH = 14
 WHY = "clip/002.png is damaged: replace or remove it"
@@ -147,7 +146,7 @@ def test_right_images_and_depth_count_as_parts_of_a_pair():
 
     sequence = NoRight(flight(8).frames, "clip")
     pairs = training_pairs(sequence, 40)
-    pairs.augmentation, pairs.checks = None, [Stereo()]
+    pairs.augmentation, pairs.default = None, Stereo()
     items = [pairs[index] for index in range(40)]
     assert {why for item in items for why in item.skipped} == {"right/3.png is damaged"}
     assert all(3 not in (item.pair.index0, item.pair.index1) for item in items)

@@ -1,3 +1,6 @@
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 from stereo_scenes import StereoScene
@@ -5,13 +8,15 @@ from stereo_scenes import StereoScene
 from sips_lit.baselines.fast import Fast
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
-from sips_lit.evaluate.label_quality import LabelQuality, by_gap, label_quality, pair_label_quality
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.types import Inliers, Reason
 
+SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "label_agreement.py"))
+LabelQuality, by_gap = SCRIPT["LabelQuality"], SCRIPT["by_gap"]
+label_quality, pair_label_quality = SCRIPT["label_quality"], SCRIPT["pair_label_quality"]
 I, L, F, U = Reason.INLIER, Reason.LOST, Reason.FAR, Reason.UNKNOWN  # noqa: E741 - a column of a table
 
 

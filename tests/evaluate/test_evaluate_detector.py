@@ -5,8 +5,8 @@ from textured_scenes import flight
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.detector import evaluate_detector
 from sips_lit.evaluate.measures import Measures
+from sips_lit.evaluate.runner import evaluate_detector
 from sips_lit.inliers.homography import HomographyInliers
 
 DATA = [flight(8, size=(128, 96), name="a"), flight(6, size=(100, 90), seed=2, name="b")]

@@ -6,7 +6,8 @@ import pytest
 from textured_scenes import flight
 
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, index_path, load_index, save_index
+from sips_lit.pairs.build import index_path, load_index, save_index
+from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
 
 WHY = {2: "a/2.png is damaged: replace or remove it"}
 INDEX = OverlapIndex(np.array([5, 3, 2], np.uint16), np.array([0, 2, 3, 3]), np.array([7, 6, 4]), WHY)
