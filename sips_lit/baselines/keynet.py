@@ -9,8 +9,7 @@ import torch
 
 from sips_lit.baselines.network_image import network_image
 from sips_lit.baselines.weights import fill, import_kornia, read_weights
-from sips_lit.detect.base import BaseDetector
-from sips_lit.detect.ranking import best_keypoints
+from sips_lit.detect.base import BaseDetector, best_keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage, Keypoints
 
@@ -52,4 +51,4 @@ class KeyNet(BaseDetector):
         # kornia multiplies whole pixels of the level by its scale, as if levels shared the first pixel's centre; they
         # share its corner
         xy = frame[:, :, 2] + (scale[:, None] - 1) / 2
-        return best_keypoints(xy, responses[0][found].numpy(), np.maximum(1, scale), n)
+        return best_keypoints(xy, responses[0][found].numpy(), np.maximum(1, scale), n)[0]

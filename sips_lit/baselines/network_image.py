@@ -9,7 +9,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from sips_lit.detect.ranking import best_keypoints, ranked
+from sips_lit.detect.base import best_keypoints
+from sips_lit.detect.selection import image_tensor
 from sips_lit.types import Features, GreyImage, Keypoints
 
 
@@ -19,10 +20,9 @@ def network_image(image: GreyImage, multiple: int = 1, smallest: int = 1) -> Ten
     The padding repeats the last column and row, at the right and at the bottom, so that coordinates stay what they are
     and no edge appears where the image ends.
     """
-    tensor = torch.from_numpy(np.ascontiguousarray(image))[None, None].float() / 255
     height, width = image.shape
     right, bottom = (max(smallest, math.ceil(size / multiple) * multiple) - size for size in (width, height))
-    return F.pad(tensor, (0, right, 0, bottom), mode="replicate")
+    return F.pad(image_tensor(image) / 255, (0, right, 0, bottom), mode="replicate")
 
 
 def best_inside(xy: Tensor, score: Tensor, shape: tuple[int, ...], n: int) -> tuple[Keypoints, Tensor]:
@@ -32,9 +32,8 @@ def best_inside(xy: Tensor, score: Tensor, shape: tuple[int, ...], n: int) -> tu
     """
     limit = torch.tensor([shape[1], shape[0]], dtype=xy.dtype) - 0.5
     rows = torch.nonzero(((xy >= -0.5) & (xy <= limit)).all(dim=1))[:, 0].numpy()
-    points, scores = xy.numpy()[rows], score.numpy()[rows].astype(np.float32)
-    best = rows[ranked(points.astype(np.float32), scores, n)]
-    return best_keypoints(points, scores, np.ones(len(rows)), n), torch.from_numpy(best)
+    keypoints, best = best_keypoints(xy.numpy()[rows], score.numpy()[rows], np.ones(len(rows)), n)
+    return keypoints, torch.from_numpy(rows[best])
 
 
 def as_features(keypoints: Keypoints, descriptors: Tensor) -> Features:

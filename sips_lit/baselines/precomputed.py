@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.baselines.feature_files import SavedFeatures, open_features
-from sips_lit.detect.base import BaseDetector
-from sips_lit.detect.ranking import best_keypoints, ranked
+from sips_lit.detect.base import BaseDetector, best_keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import IMAGE_SUFFIXES, read_grey
 from sips_lit.progress import progress
@@ -38,16 +37,17 @@ class PrecomputedDetector(BaseDetector):
                 f"there is no folder {images} of the images that {features} belongs to: give detector.images"
             )
         below = sorted(path for path in self.images.rglob("*") if path.suffix.lower() in IMAGE_SUFFIXES)
-        names = [PurePosixPath(path.relative_to(self.images)) for path in below]
-        names = [image for image in names if self.files.has(image)]
+        every = [PurePosixPath(path.relative_to(self.images)) for path in below]
+        names = [image for image in every if self.files.has(image)]
         if not names:
-            example = f", such as {below[0].relative_to(self.images)}" if below else ""
+            example = f", such as {every[0]}" if every else ""
             raise BadInputError(
-                f"{features} has features of none of the {len(below)} images below {images}{example}: features must be "
+                f"{features} has features of none of the {len(every)} images below {images}{example}: features must be "
                 "named like the images"
             )
         with ThreadPoolExecutor() as pool:
-            keys = progress(pool.map(self._key_of, names), desc=f"images of {name}", unit="image", total=len(names))
+            found = pool.map(lambda image: _key(read_grey(self.images / image)), names)
+            keys = progress(found, desc=f"images of {name}", unit="image", total=len(names))
             self.image_of: dict[bytes, PurePosixPath] = {}
             for key, image in zip(keys, names, strict=True):
                 self.image_of.setdefault(key, image)
@@ -94,14 +94,8 @@ class PrecomputedDetector(BaseDetector):
             )
         score = 1 / np.arange(1, count + 1) if saved.score is None else saved.score
         scale = np.ones(count) if saved.scale is None else saved.scale
-        rows = ranked(saved.xy, np.asarray(score, np.float32), n)
-        return best_keypoints(saved.xy, score, scale, n), rows, saved
-
-    def _key_of(self, image: PurePosixPath) -> bytes:
-        return _key(read_grey(self.images / image))
+        return *best_keypoints(saved.xy, score, scale, n), saved
 
 
 def _key(image: GreyImage) -> bytes:
-    content = hashlib.blake2b(image.tobytes(), digest_size=16)
-    content.update(repr(image.shape).encode())
-    return content.digest()
+    return hashlib.blake2b(image.tobytes() + repr(image.shape).encode(), digest_size=16).digest()

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.detect.ranking import ranked
+from sips_lit.detect.base import ranked
 from sips_lit.errors import BadInputError
 from sips_lit.types import Features, Keypoints
 
