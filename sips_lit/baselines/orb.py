@@ -7,7 +7,7 @@ import numpy as np
 
 from sips_lit.baselines.cv_keypoints import attribute, positions
 from sips_lit.detect.base import BaseDetector, best_keypoints
-from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
+from sips_lit.types import Features, GreyImage, Keypoints
 
 _STEP = 1.2  # between the levels of OpenCV's pyramid
 _EDGE = 31  # OpenCV's margin without points, in pixels of the level
@@ -36,17 +36,10 @@ class OrbDetector(BaseDetector):
         if not points:
             return none
         scale = _STEP ** attribute(points, "octave")
-        xy = _from_top_left_corner(positions(points), scale, image)
+        # OpenCV gives scale * x_level, as if levels shared the first pixel's centre; they hold whole numbers of pixels and
+        # share its corner
+        size = np.array(image.shape[::-1])
+        level_size = np.rint(size / scale[:, None])
+        xy = (positions(points) / scale[:, None] + 0.5) * size / level_size - 0.5
         keypoints, rows = best_keypoints(xy, attribute(points, "response"), scale, n)
         return Features(keypoints, descriptors[rows], "hamming")
-
-
-def _from_top_left_corner(xy: FloatArray, scale: FloatArray, image: GreyImage) -> FloatArray:
-    """Mends OpenCV's ``x = scale * x_level``.
-
-    Its levels hold whole numbers of pixels and are aligned at the corner of the image, not at the first pixel's centre.
-    """
-    size = np.array(image.shape[::-1])
-    level_size = np.rint(size / scale[:, None])
-    mended: FloatArray = (xy / scale[:, None] + 0.5) * size / level_size - 0.5
-    return mended

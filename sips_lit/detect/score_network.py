@@ -60,8 +60,9 @@ class ScoreNetwork(nn.Module):
                 cast(Tensor, layer.bias).zero_()
             cast(Tensor, self.layers[-1].weight).mul_(0.1)  # logits start near the bias
             cast(Tensor, self.layers[-1].bias).fill_(start_bias)
-        for parameter in self.parameters():  # channels last halves the time on a CPU
-            parameter.data = parameter.data.contiguous(memory_format=_layout(parameter))
+        for parameter in self.parameters():
+            if parameter.ndim == 4:  # channels last halves the time on a CPU
+                parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
 
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W) with values 0 to 255."""
@@ -93,7 +94,3 @@ class ScoreNetwork(nn.Module):
         size = 2 * self.radius + 1
         windows = self.pad(image)[0, 0].unfold(0, size, 1).unfold(1, size, 1)
         return self.valid(windows[rows, columns].unsqueeze(1)).flatten()
-
-
-def _layout(parameter: Tensor) -> torch.memory_format:
-    return torch.channels_last if parameter.ndim == 4 else torch.contiguous_format

@@ -9,10 +9,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from sips_lit.detect.nms import local_maxima
+from sips_lit.detect.peaks import local_maxima, quadratic_offsets
 from sips_lit.detect.pyramid import image_pyramid, suppress_across_levels, to_full_resolution
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
-from sips_lit.detect.subpixel import quadratic_offsets
 from sips_lit.errors import BadInputError
 from sips_lit.types import FloatArray, GreyImage, Keypoints
 
@@ -93,12 +92,9 @@ def logits_at(network: ScoreNetwork, image: Tensor, points: SelectedPoints, grad
     levels = image_pyramid(image, network.scales, network.scale_factor)
     logits = image.new_zeros(len(points))
     for index in np.unique(points.level):
-        mask = points.level == index
-        rows = torch.from_numpy(points.row[mask]).to(image.device)
-        columns = torch.from_numpy(points.column[mask]).to(image.device)
-        logits[torch.from_numpy(np.flatnonzero(mask)).to(image.device)] = network.at(
-            levels[index], rows, columns, gradient
-        )
+        here = np.flatnonzero(points.level == index)
+        rows, columns = (torch.from_numpy(place[here]).to(image.device) for place in (points.row, points.column))
+        logits[torch.from_numpy(here).to(image.device)] = network.at(levels[index], rows, columns, gradient)
     return logits
 
 
@@ -110,7 +106,6 @@ def image_tensor(image: GreyImage, device: torch.device | str = "cpu") -> Tensor
 @torch.no_grad()
 def score_map(network: ScoreNetwork, image: GreyImage) -> FloatArray:
     """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution."""
-    scores: FloatArray = (
-        torch.sigmoid(network(image_tensor(image, next(network.parameters()).device)))[0, 0].cpu().numpy()
-    )
+    logits = network(image_tensor(image, next(network.parameters()).device))
+    scores: FloatArray = torch.sigmoid(logits)[0, 0].cpu().numpy()
     return scores

@@ -7,7 +7,7 @@ import torch
 from textured_scenes import texture
 
 from sips_lit.detect.checkpoint import METADATA_KEY
-from sips_lit.detect.nms import local_maxima
+from sips_lit.detect.peaks import local_maxima
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor
 from sips_lit.errors import BadInputError
