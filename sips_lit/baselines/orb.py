@@ -5,7 +5,6 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from sips_lit.baselines.cv_keypoints import attribute, positions
 from sips_lit.detect.base import BaseDetector, best_keypoints
 from sips_lit.types import Features, GreyImage, Keypoints
 
@@ -35,11 +34,11 @@ class OrbDetector(BaseDetector):
         points, descriptors = orb.detectAndCompute(image, None)
         if not points:
             return none
-        scale = _STEP ** attribute(points, "octave")
+        scale = _STEP ** np.array([point.octave for point in points])
         # OpenCV gives scale * x_level, as if levels shared the first pixel's centre; they hold whole numbers of pixels and
         # share its corner
         size = np.array(image.shape[::-1])
         level_size = np.rint(size / scale[:, None])
-        xy = (positions(points) / scale[:, None] + 0.5) * size / level_size - 0.5
-        keypoints, rows = best_keypoints(xy, attribute(points, "response"), scale, n)
+        xy = (cv2.KeyPoint.convert(points) / scale[:, None] + 0.5) * size / level_size - 0.5
+        keypoints, rows = best_keypoints(xy, np.array([point.response for point in points]), scale, n)
         return Features(keypoints, descriptors[rows], "hamming")

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.baselines.cv_keypoints import attribute, positions
 from sips_lit.detect.base import BaseDetector, best_keypoints
 from sips_lit.types import Features, GreyImage, Keypoints
 
@@ -36,7 +35,7 @@ class SiftDetector(BaseDetector):
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points, best first; a point with several orientations counts once."""
         points = self._sift(0).detect(image, None)
-        _, first = np.unique(np.column_stack([positions(points), attribute(points, "size")]), axis=0, return_index=True)
+        _, first = np.unique([(*point.pt, point.size) for point in points], axis=0, return_index=True)
         return _best([points[i] for i in first], n)[0]
 
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
@@ -50,5 +49,5 @@ class SiftDetector(BaseDetector):
 
 
 def _best(points: Sequence[Any], n: int) -> tuple[Keypoints, NDArray[np.int64]]:
-    scale = np.maximum(1.0, attribute(points, "size") / _SIZE_AT_FULL_RESOLUTION)
-    return best_keypoints(positions(points), attribute(points, "response"), scale, n)
+    rows = np.reshape([(*point.pt, point.response, point.size) for point in points], (-1, 4))
+    return best_keypoints(rows[:, :2], rows[:, 2], np.maximum(1, rows[:, 3] / _SIZE_AT_FULL_RESOLUTION), n)

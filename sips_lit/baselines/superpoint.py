@@ -12,8 +12,7 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from sips_lit.baselines.network_image import as_features, network_image
-from sips_lit.baselines.weights import fill, read_weights
+from sips_lit.baselines.learned import as_features, fill, network_image, read_weights
 from sips_lit.detect.base import BaseDetector, best_keypoints, ranked
 from sips_lit.errors import BadInputError
 from sips_lit.types import Features, GreyImage, Keypoints

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from typing import Any
 
@@ -10,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.describe.scale_levels import scale_levels
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, import_extra
 from sips_lit.types import GreyImage, Keypoints, Norm
 
-DIMENSION = 64
 _SCALE_OF_SIZE = 1.2 / 9  # SURF's filter of 9 px is scale 1.2
 
 
@@ -38,7 +36,7 @@ class SurfDescriptor:
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, 64) float32, one row for each keypoint."""
-        descriptors = np.zeros((len(keypoints), DIMENSION), np.float32)
+        descriptors = np.zeros((len(keypoints), 64), np.float32)
         scale = self.size * _SCALE_OF_SIZE
         for level in scale_levels(image, keypoints, shrink=1.0, margin=reach(scale)):
             unused = np.ones((len(level.rows), 2))  # score and sign of the detector: carried along by mahotas, not read
@@ -62,7 +60,4 @@ def describe_rows(image: GreyImage, rows: NDArray[np.float64]) -> NDArray[np.flo
 
 def import_mahotas() -> Any:
     """The module ``mahotas.features.surf``. Raises BadInputError where mahotas is missing."""
-    try:
-        return importlib.import_module("mahotas.features.surf")
-    except ImportError as error:
-        raise BadInputError("SURF needs the package mahotas: pip install 'sips_lit[surf]'.") from error
+    return import_extra("mahotas.features.surf", "surf", "SURF")

@@ -18,7 +18,7 @@ class ScoreNetwork(nn.Module):
 
     ``depth`` layers, the last with one channel; the others have ``width / 2`` channels in the first half of the network
     and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias``. With
-    ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.pyramid`).
+    ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`).
 
     The input is padded once by ``radius`` replicated pixels, then every convolution is a valid one: the logit of a pixel
     depends on exactly the (2 radius + 1)^2 pixels around it, and the same numbers come out of a dense pass and of patches.
