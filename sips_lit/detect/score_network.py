@@ -70,8 +70,7 @@ class ScoreNetwork(nn.Module):
 
     def pad(self, image: Tensor) -> Tensor:
         """Scaled image with ``radius`` replicated pixels on every side."""
-        r = self.radius
-        return F.pad((image - 127.0) / 64.0, (r, r, r, r), mode="replicate")
+        return F.pad((image - 127.0) / 64.0, (self.radius,) * 4, mode="replicate")
 
     def valid(self, padded: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of padded, scaled images (B, 1, H + 2 radius, W + 2 radius)."""

@@ -58,14 +58,12 @@ class PointSelector:
         parts = [self._level(network(level)[0, 0], index, size, keep) for index, level in enumerate(levels)]
         xy, logit, place = (torch.cat(column).cpu() for column in zip(*parts, strict=True))
         order = torch.sort(logit, descending=True, stable=True).indices
-        xy, logit, place = xy[order], logit[order], place[order]
-        where = place.numpy()
+        positions, logit, where = xy[order].numpy(), logit[order], place[order].numpy()
+        kept = np.arange(min(n, len(positions)))
         if len(levels) > 1:
-            kept = suppress_across_levels(xy.numpy(), where[:, 0], self.nms_radius, n)
-        else:
-            kept = np.arange(min(n, len(xy)))
+            kept = suppress_across_levels(positions, where[:, 0], self.nms_radius, n)
         scale = network.scale_factor ** where[kept, 0]
-        keypoints = Keypoints(xy.numpy()[kept], torch.sigmoid(logit).numpy()[kept], scale.astype(np.float32))
+        keypoints = Keypoints(positions[kept], torch.sigmoid(logit).numpy()[kept], scale.astype(np.float32))
         return SelectedPoints(keypoints, where[kept, 0], where[kept, 1], where[kept, 2])
 
     def _level(

@@ -15,11 +15,10 @@ import numpy as np
 import torch
 from torch import nn
 
-from sips_lit.detect.checkpoint import METADATA_KEY
+from sips_lit.detect.checkpoint import METADATA_KEY, config_json
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
-from sips_lit.export.safetensors import config_json
 from sips_lit.files import write_whole
 
 TOLERANCE: Final = 1e-4
@@ -93,8 +92,7 @@ def onnx_model(network: ScoreNetwork, selector: PointSelector) -> bytes:
         model, {METADATA_KEY: config_json(network, selector), "sips_lit_version": version("sips_lit")}
     )
     onnx.checker.check_model(model, full_check=True)
-    content: bytes = model.SerializeToString()
-    return content
+    return bytes(model.SerializeToString())
 
 
 def max_difference(network: ScoreNetwork, model: bytes, shapes: Sequence[tuple[int, int, int, int]]) -> float:
