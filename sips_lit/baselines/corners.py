@@ -25,7 +25,8 @@ class Corners(BaseDetector):
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points, best first."""
-        everywhere, most = np.full_like(image, 255), max(n, 1)  # OpenCV reads 0 as no limit
+        everywhere = np.full_like(image, 255)
+        most = max(n, 1)  # OpenCV reads 0 as no limit
         corners, measure = cv2.goodFeaturesToTrackWithQuality(
             image, most, _QUALITY, self.min_distance, everywhere, useHarrisDetector=self.harris
         )
