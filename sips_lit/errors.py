@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import warnings
+from typing import Any
 
 
 class BadInputError(ValueError):
@@ -20,3 +22,12 @@ class InputWarning(UserWarning):
 def warn_input(message: str) -> None:
     """Warns of an input; the commands print it once, as one sentence."""
     warnings.warn(message, InputWarning, stacklevel=3)
+
+
+def import_extra(module: str, extra: str, needed_by: str) -> Any:
+    """A module that the extra installs. Raises BadInputError where it is missing; ``needed_by`` says who needs it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise BadInputError(f"{needed_by} needs the package {package}: pip install 'sips_lit[{extra}]'") from error

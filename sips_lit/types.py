@@ -86,6 +86,10 @@ class ImageSequence(ABC):
         """(3, 3) float64 that maps pixels of frame ``index0`` to pixels of frame ``index1``, for planar scenes."""
         return None
 
+    def notes(self) -> list[str]:
+        """What one should know of how the frames were read, a phrase each."""
+        return []
+
     def source_range(self) -> tuple[ImageSequence, int, int]:
         """The sequence that the frames are a range of, and from where to where (exclusive): all of itself by default."""
         return self, 0, len(self)

@@ -1,8 +1,10 @@
+import json
 import pickle
+import sys
 
 import pytest
 
-from sips_lit.errors import BadInputError, TrainingInterrupted
+from sips_lit.errors import BadInputError, TrainingInterrupted, import_extra
 
 
 @pytest.mark.parametrize("kind", [BadInputError, TrainingInterrupted])
@@ -23,3 +25,10 @@ def test_an_interruption_is_nothing_that_code_recovers_from():
     """A method that fails is skipped and the next one measured, but Ctrl-C has to end the command."""
     assert not issubclass(TrainingInterrupted, ValueError)
     assert not issubclass(BadInputError, TrainingInterrupted)
+
+
+def test_a_missing_package_is_named_with_the_extra_that_has_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "kornia.feature", None)
+    with pytest.raises(BadInputError, match=r"^Some needs the package kornia: pip install 'sips_lit\[baselines\]'$"):
+        import_extra("kornia.feature", "baselines", "Some")
+    assert import_extra("json", "test", "Some") is json

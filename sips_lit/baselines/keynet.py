@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from sips_lit.baselines.network_image import network_image
-from sips_lit.baselines.weights import fill, import_kornia, read_weights
-from sips_lit.detect.base import BaseDetector
-from sips_lit.detect.ranking import best_keypoints
-from sips_lit.errors import BadInputError
+from sips_lit.baselines.learned import fill, network_image, read_weights
+from sips_lit.detect.base import BaseDetector, best_keypoints
+from sips_lit.errors import BadInputError, import_extra
 from sips_lit.types import GreyImage, Keypoints
 
 URL = "https://github.com/axelBarroso/Key.Net-Pytorch/raw/main/model/weights/keynet_pytorch.pth"
@@ -32,7 +30,7 @@ class KeyNet(BaseDetector):
 
         Raises BadInputError where kornia or the weights are missing.
         """
-        kornia = import_kornia(self.name)
+        kornia = import_extra("kornia.feature", "baselines", self.name)
         path = Path(weights) if weights else Path(torch.hub.get_dir()) / "checkpoints" / "keynet_pytorch.pth"
         if weights is None and not path.is_file():
             raise BadInputError(f"KeyNet's weights are in no package: download {URL} and give detector.weights=FILE")
@@ -52,4 +50,4 @@ class KeyNet(BaseDetector):
         # kornia multiplies whole pixels of the level by its scale, as if levels shared the first pixel's centre; they
         # share its corner
         xy = frame[:, :, 2] + (scale[:, None] - 1) / 2
-        return best_keypoints(xy, responses[0][found].numpy(), np.maximum(1, scale), n)
+        return best_keypoints(xy, responses[0][found].numpy(), np.maximum(1, scale), n)[0]

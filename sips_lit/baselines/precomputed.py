@@ -1,18 +1,20 @@
-"""Points that another program found beforehand, behind the protocol of a detector."""
+"""Features that another program saved, one ``.npz`` an image or one hloc ``.h5``, behind the protocol of a detector."""
 
 from __future__ import annotations
 
 import hashlib
+import zipfile
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.baselines.feature_files import SavedFeatures, open_features
-from sips_lit.detect.base import BaseDetector
-from sips_lit.detect.ranking import best_keypoints, ranked
-from sips_lit.errors import BadInputError
+from sips_lit.detect.base import BaseDetector, best_keypoints
+from sips_lit.errors import BadInputError, import_extra
 from sips_lit.frames.images import read_grey
 from sips_lit.frames.listing import IMAGE_SUFFIXES
 from sips_lit.progress import progress
@@ -39,21 +41,22 @@ class PrecomputedDetector(BaseDetector):
                 f"there is no folder {images} of the images that {features} belongs to: give detector.images"
             )
         below = sorted(path for path in self.images.rglob("*") if path.suffix.lower() in IMAGE_SUFFIXES)
-        names = [PurePosixPath(path.relative_to(self.images)) for path in below]
-        names = [image for image in names if self.files.has(image)]
+        every = [PurePosixPath(path.relative_to(self.images)) for path in below]
+        names = [image for image in every if self.files.has(image)]
         if not names:
-            example = f", such as {below[0].relative_to(self.images)}" if below else ""
+            example = f", such as {every[0]}" if every else ""
             raise BadInputError(
-                f"{features} has features of none of the {len(below)} images below {images}{example}: features must be "
+                f"{features} has features of none of the {len(every)} images below {images}{example}: features must be "
                 "named like the images"
             )
         with ThreadPoolExecutor() as pool:
-            keys = progress(pool.map(self._key_of, names), desc=f"images of {name}", unit="image", total=len(names))
+            found = pool.map(lambda image: _key(read_grey(self.images / image)), names)
+            keys = progress(found, desc=f"images of {name}", unit="image", total=len(names))
             self.image_of: dict[bytes, PurePosixPath] = {}
             for key, image in zip(keys, names, strict=True):
                 self.image_of.setdefault(key, image)
         first = self.files.read(names[0])
-        self.scores = "none" if first.score is None else "order"
+        self.scores = "none" if first.scores is None else "order"
         self.describes = first.descriptors is not None
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
@@ -81,28 +84,134 @@ class PrecomputedDetector(BaseDetector):
                 "features: give the images as the features were computed on (no max_side), and features of all of them"
             )
         saved = self.files.read(name)
-        if saved.size not in (None, (width, height)):
-            raise BadInputError(f"the features of {name} are of an image of size {saved.size}, not {(width, height)}")
-        if (saved.score is not None, saved.descriptors is not None) != (self.scores == "order", self.describes):
+        if saved.image_size not in (None, (width, height)):
+            raise BadInputError(
+                f"the features of {name} are of an image of size {saved.image_size}, not {(width, height)}"
+            )
+        if (saved.scores is not None, saved.descriptors is not None) != (self.scores == "order", self.describes):
             raise BadInputError(
                 f"the features of {name} have other parts than those of the first image: write them again"
             )
-        count = len(saved.xy)
-        if saved.score is None and count > n:
+        count = len(saved.keypoints)
+        if saved.scores is None and count > n:
             raise BadInputError(
                 f"the features of {name} are {count} points without scores, so the {n} best are not known: ask for "
                 f"all (n_max={count}), or save at most {n}"
             )
-        score = 1 / np.arange(1, count + 1) if saved.score is None else saved.score
-        scale = np.ones(count) if saved.scale is None else saved.scale
-        rows = ranked(saved.xy, np.asarray(score, np.float32), n)
-        return best_keypoints(saved.xy, score, scale, n), rows, saved
-
-    def _key_of(self, image: PurePosixPath) -> bytes:
-        return _key(read_grey(self.images / image))
+        score = 1 / np.arange(1, count + 1) if saved.scores is None else saved.scores
+        scale = np.ones(count) if saved.scales is None else saved.scales
+        return *best_keypoints(saved.keypoints, score, scale, n), saved
 
 
 def _key(image: GreyImage) -> bytes:
-    content = hashlib.blake2b(image.tobytes(), digest_size=16)
-    content.update(repr(image.shape).encode())
-    return content.digest()
+    return hashlib.blake2b(image.tobytes() + repr(image.shape).encode(), digest_size=16).digest()
+
+
+@dataclass(frozen=True, slots=True)
+class SavedFeatures:
+    """N points of one image as saved; everything but ``keypoints`` (N, 2) may be missing.
+
+    ``scores`` (N,), ``scales`` (N,), ``descriptors`` (N, D), ``image_size`` (W, H). Pixel (0, 0) is the centre of the
+    first pixel: so write LF-Net, hloc (it adds 0.5 only on the way to COLMAP) and sips-detect.
+    """
+
+    keypoints: NDArray[np.float32]
+    scores: NDArray[np.float32] | None = None
+    scales: NDArray[np.float32] | None = None
+    descriptors: NDArray[Any] | None = None
+    image_size: tuple[int, int] | None = None
+
+
+def open_features(path: str | Path) -> NpzFolder | HlocFile:
+    """A folder of npz files, or an h5 file. Raises BadInputError where ``path`` is neither."""
+    path = Path(path)
+    if path.is_dir():
+        return NpzFolder(path)
+    if path.is_file():
+        return HlocFile(path)
+    raise BadInputError(
+        f"there are no features {path}: give detector.features, a folder of .npz files or an hloc .h5 file"
+    )
+
+
+class NpzFolder:
+    """``a/b.png`` has its features in ``a/b.npz`` or ``a/b.png.npz``.
+
+    Keys: ``keypoints`` (N, 2), ``scores``, ``scales``, ``descriptors`` (N, D), ``image_size`` (W, H), as sips-detect
+    writes; or ``kpts`` (N, 2) and ``descs`` (N, D), as LF-Net writes, without scores.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def _file(self, image: PurePosixPath) -> Path | None:
+        names = image.with_suffix(".npz"), image.with_name(f"{image.name}.npz")
+        return next((path for path in (self.folder / name for name in names) if path.is_file()), None)
+
+    def has(self, image: PurePosixPath) -> bool:
+        """Whether there is a file for the image."""
+        return self._file(image) is not None
+
+    def read(self, image: PurePosixPath) -> SavedFeatures:
+        """The features of an image. Raises BadInputError where the file is damaged or lacks its keys."""
+        path = self._file(image)
+        if path is None:
+            raise BadInputError(f"{self.folder} has no features of {image}: add {image.with_suffix('.npz')}")
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                held = dict(stored)
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise BadInputError(f"{path} can't be read as npz: it is damaged, or of another kind") from error
+        own = {"kpts": "keypoints", "descs": "descriptors"}
+        return _saved({str(own.get(key, key)): values for key, values in held.items()}, str(path))
+
+
+class HlocFile:
+    """hloc's h5: a group an image, named by its path, with ``keypoints`` (N, 2), ``scores``, ``descriptors`` (D, N)."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises BadInputError where h5py is missing or ``path`` is not such a file."""
+        self.path = path
+        members: list[PurePosixPath] = []
+        with self._open() as file:
+            file.visit(lambda name: members.append(PurePosixPath(name)))
+        self.names = frozenset(member.parent for member in members if member.name == "keypoints")
+        if not self.names:
+            raise BadInputError(f"{path} holds no keypoints: give a file of local features that hloc wrote")
+
+    def has(self, image: PurePosixPath) -> bool:
+        """Whether there is a group for the image."""
+        return image in self.names
+
+    def read(self, image: PurePosixPath) -> SavedFeatures:
+        """The features of an image that it has. Raises BadInputError where they can't be used."""
+        with self._open() as file:
+            held = {key: np.asarray(values) for key, values in file[str(image)].items()}
+        if "descriptors" in held:
+            held["descriptors"] = held["descriptors"].T
+        return _saved(held, f"{image} in {self.path}")
+
+    def _open(self) -> Any:
+        try:
+            return import_extra("h5py", "baselines", str(self.path)).File(self.path, "r")
+        except OSError as error:
+            raise BadInputError(f"{self.path} can't be read as h5: it is damaged, or of another kind") from error
+
+
+def _saved(held: Mapping[str, NDArray[Any]], where: str) -> SavedFeatures:
+    """Checks what was read, with ``descriptors`` as (N, D), and gives it our types (hloc saves half precision)."""
+    if "keypoints" not in held:
+        raise BadInputError(
+            f"{where} has no keypoints, only {', '.join(held) or 'nothing'}: give files of local features"
+        )
+    dimensions = {"keypoints": 2, "scores": 1, "scales": 1, "descriptors": 2}
+    arrays = {key: np.asarray(held[key]) for key in dimensions if key in held}
+    xy = arrays["keypoints"]
+    if any(v.ndim != dimensions[key] or len(v) != len(xy) for key, v in arrays.items()) or xy.shape[1] != 2:
+        shapes = ", ".join(f"{key} {values.shape}" for key, values in arrays.items())
+        raise BadInputError(f"{where} has arrays that do not belong together ({shapes}): write the file again")
+    for key, values in arrays.items():
+        if key != "descriptors" or values.dtype != np.uint8:
+            arrays[key] = values.astype(np.float32)
+    size = held.get("image_size")
+    return SavedFeatures(**arrays, image_size=None if size is None else (int(size[0]), int(size[1])))

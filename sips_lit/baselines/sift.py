@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from sips_lit.baselines.cv_keypoints import attribute, positions
-from sips_lit.detect.base import BaseDetector
-from sips_lit.detect.ranking import best_keypoints, ranked
-from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
+from sips_lit.detect.base import BaseDetector, best_keypoints
+from sips_lit.types import Features, GreyImage, Keypoints
 
 _SIZE_AT_FULL_RESOLUTION = 6.4
 """Diameter in pixels of the coarsest points of the octave at full resolution (2 x 1.6 x 2): their scale is 1."""
@@ -35,25 +35,19 @@ class SiftDetector(BaseDetector):
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points, best first; a point with several orientations counts once."""
         points = self._sift(0).detect(image, None)
-        _, first = np.unique(np.column_stack([positions(points), attribute(points, "size")]), axis=0, return_index=True)
-        points = [points[i] for i in first]
-        return best_keypoints(positions(points), attribute(points, "response"), _scale(points), n)
+        _, first = np.unique([(*point.pt, point.size) for point in points], axis=0, return_index=True)
+        return _best([points[i] for i in first], n)[0]
 
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
         """At most ``n`` features, best first; a point is as many features as it has orientations."""
-        if n <= 0:  # OpenCV reads 0 as no limit
-            return Features(Keypoints.empty(), np.zeros((0, 128), np.float32), "l2")
-        points, descriptors = self._sift(n).detectAndCompute(image, None)
-        if not points:
-            return Features(Keypoints.empty(), np.zeros((0, 128), np.float32), "l2")
-        xy, score = positions(points), attribute(points, "response")
-        best = ranked(xy, score, n)  # OpenCV keeps more than n where scores are equal
-        keypoints = best_keypoints(xy, score, _scale(points), n)
-        return Features(keypoints, np.asarray(descriptors)[best], "l2")
+        points, descriptors = self._sift(max(n, 1)).detectAndCompute(image, None)  # OpenCV reads 0 as no limit
+        keypoints, rows = _best(points, n)  # OpenCV keeps more than n where scores are equal
+        return Features(keypoints, descriptors[rows] if points else np.zeros((0, 128), np.float32), "l2")
 
     def _sift(self, n: int) -> Any:
         return cv2.SIFT.create(nfeatures=n, contrastThreshold=self.contrast_threshold, enable_precise_upscale=True)
 
 
-def _scale(points: Any) -> FloatArray:
-    return np.maximum(1.0, attribute(points, "size") / _SIZE_AT_FULL_RESOLUTION)
+def _best(points: Sequence[Any], n: int) -> tuple[Keypoints, NDArray[np.int64]]:
+    rows = np.reshape([(*point.pt, point.response, point.size) for point in points], (-1, 4))
+    return best_keypoints(rows[:, :2], rows[:, 2], np.maximum(1, rows[:, 3] / _SIZE_AT_FULL_RESOLUTION), n)

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+from typing import Final
+
 import numpy as np
 import torch
 import torch.nn.functional as F
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
-from sips_lit.baselines.network_image import as_features, network_image
-from sips_lit.baselines.superpoint_network import CELL, SuperPointNetwork, is_rpautrat, to_our_names
-from sips_lit.baselines.weights import fill, read_weights
-from sips_lit.detect.base import BaseDetector
-from sips_lit.detect.ranking import best_keypoints, ranked
+from sips_lit.baselines.learned import as_features, fill, network_image, read_weights
+from sips_lit.detect.base import BaseDetector, best_keypoints, ranked
 from sips_lit.errors import BadInputError
 from sips_lit.types import Features, GreyImage, Keypoints
 
+CELL: Final = 8  # pixels: three poolings by 2
+_WIDTHS: Final = {"1": 64, "2": 64, "3": 128, "4": 128}
+_HEAD, _DESCRIPTOR = 256, 256
+# names of the layers in rpautrat/SuperPoint
+_LAYERS: Final = {"detector.0": "Pa", "detector.1": "Pb", "descriptor.0": "Da", "descriptor.1": "Db"} | {
+    f"backbone.{stage}.{part}": f"{stage + 1}{'ab'[part]}" for stage in range(4) for part in range(2)
+}
 _WHERE = (
     "superpoint_v1.pth of https://github.com/magicleap/SuperPointPretrainedNetwork (not for commercial use) or "
     "weights/superpoint_v6_from_tf.pth of https://github.com/rpautrat/SuperPoint (MIT)"
@@ -63,7 +71,7 @@ class SuperPoint(BaseDetector):
         height, width = image.shape
         scores = decode(logits)[0, :height, :width].numpy()
         xy = greedy_maxima(scores, self.nms_radius, self.border, self.threshold, n)
-        return best_keypoints(xy, scores[xy[:, 1], xy[:, 0]], np.ones(len(xy)), n), dense
+        return best_keypoints(xy, scores[xy[:, 1], xy[:, 0]], np.ones(len(xy)), n)[0], dense
 
 
 def decode(logits: Tensor) -> Tensor:
@@ -102,3 +110,59 @@ def sample_cells(dense: Tensor, xy: NDArray[np.float32]) -> Tensor:
     grid = (torch.from_numpy(xy) + 0.5) / size * 2 - 1
     sampled = F.grid_sample(dense, grid[None, None], mode="bilinear", padding_mode="border", align_corners=False)
     return sampled[0, :, 0].T
+
+
+class SuperPointNetwork(nn.Module):
+    """A VGG-style encoder of eight 3 x 3 convolutions, and two heads on its map of 8 x 8 pixel cells.
+
+    ``batch_norm``: normalise after each activation (after the convolution, where a head ends without one), as
+    rpautrat/SuperPoint does; the authors' network does not.
+    """
+
+    def __init__(self, batch_norm: bool) -> None:
+        super().__init__()
+        channels = 1
+        for stage, width in _WIDTHS.items():
+            self._add(f"{stage}a", channels, width, 3, batch_norm)
+            self._add(f"{stage}b", width, width, 3, batch_norm)
+            channels = width
+        for head, out in (("P", CELL * CELL + 1), ("D", _DESCRIPTOR)):
+            self._add(f"{head}a", channels, _HEAD, 3, batch_norm)
+            self._add(f"{head}b", _HEAD, out, 1, batch_norm)
+
+    def _add(self, name: str, inputs: int, outputs: int, kernel: int, batch_norm: bool) -> None:
+        self.add_module(f"conv{name}", nn.Conv2d(inputs, outputs, kernel, padding=kernel // 2))
+        self.add_module(f"bn{name}", nn.BatchNorm2d(outputs, eps=1e-3) if batch_norm else nn.Identity())
+
+    def _layer(self, x: Tensor, name: str, activation: bool = True) -> Tensor:
+        x = self.get_submodule(f"conv{name}")(x)
+        out: Tensor = self.get_submodule(f"bn{name}")(F.relu(x) if activation else x)
+        return out
+
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        """Logits (B, 65, H/8, W/8) and descriptors (B, 256, H/8, W/8) of length 1, of images (B, 1, H, W) in [0, 1]."""
+        x = image
+        for stage in _WIDTHS:
+            x = F.max_pool2d(x, 2) if stage != "1" else x
+            x = self._layer(self._layer(x, f"{stage}a"), f"{stage}b")
+        logits = self._layer(self._layer(x, "Pa"), "Pb", activation=False)
+        descriptors = self._layer(self._layer(x, "Da"), "Db", activation=False)
+        return logits, F.normalize(descriptors, dim=1)
+
+
+def is_rpautrat(weights: Mapping[str, Tensor]) -> bool:
+    """Whether ``weights`` are in the layout of rpautrat/SuperPoint; else they should be MagicLeap's."""
+    return any(key.startswith("backbone.") for key in weights)
+
+
+def to_our_names(weights: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Weights of either layout by the names of `SuperPointNetwork`; unknown names stay as they are.
+
+    MagicLeap's ``conv1a`` to ``convDb`` are ours; rpautrat's are ``backbone.<stage>.<0 or 1>.<conv or bn>`` and so on.
+    """
+    return {_our_name(key): value for key, value in weights.items()}
+
+
+def _our_name(key: str) -> str:
+    match = re.fullmatch(r"(.+)\.(conv|bn)\.(\w+)", key)
+    return f"{match[2]}{_LAYERS[match[1]]}.{match[3]}" if match and match[1] in _LAYERS else key

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.describe.surf import DIMENSION, import_mahotas
-from sips_lit.detect.base import BaseDetector
-from sips_lit.detect.ranking import best_keypoints, ranked
+from sips_lit.describe.surf import describe_rows, import_mahotas, reach
+from sips_lit.detect.base import BaseDetector, best_keypoints
 from sips_lit.types import Features, FloatArray, GreyImage, Keypoints
 
 _OCTAVES = 2
 _MARGIN = 24 * 4 ** (
     _OCTAVES - 1
-)  # without points in mahotas: 24 px in the first octave, four times as much in the next
-_REACH = 16  # mahotas drops points nearer to the border than about 15.5 times their scale
+)  # pixels without points in mahotas: 24 in the first octave, four times that in the next
 _LOBE = 0.4  # scale of a lobe of one pixel: the filter is three lobes wide, and 9 px are scale 1.2
 _SCALE_OF_ONE = 2.5  # what SURF gives a Gaussian blob whose scale is 1 for our SIFT
 
@@ -44,52 +40,42 @@ class SurfDetector(BaseDetector):
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
         """At most ``n`` features, best first, (N, 64) of length 1 (zero where nothing varies)."""
         keypoints, points = self._points(image, n)
-        if not len(points):
-            return Features(keypoints, np.zeros((0, DIMENSION), np.float32), "l2")
-        margin = math.ceil(_REACH * points[:, 2].max()) + 2
+        margin = reach(points[:, 2].max(initial=0))
         points[:, :2] += margin
-        described = import_mahotas().descriptors(np.pad(image, margin, mode="edge"), points, descriptor_only=True)
-        if len(described) != len(points):
-            raise RuntimeError(f"mahotas described {len(described)} of {len(points)} points")
+        described = describe_rows(np.pad(image, margin, mode="edge"), points)
         return Features(keypoints, described.astype(np.float32), "l2")
 
     def _points(self, image: GreyImage, n: int) -> tuple[Keypoints, NDArray[np.float64]]:
         """The points, and mahotas' rows (y, x, scale, score, sign) of them, mended."""
-        found = _refined(self._octaves(np.pad(image, _MARGIN, mode="edge")))
+        found = self._mended(np.pad(image, _MARGIN, mode="edge"))
         found[:, :2] -= _MARGIN
         found = found[((found[:, :2] >= -0.5) & (found[:, :2] < np.array(image.shape) - 0.5)).all(axis=1)]
-        xy, score = found[:, 1::-1].astype(np.float32), found[:, 3].astype(np.float32)
         scale = np.maximum(1, found[:, 2] / _SCALE_OF_ONE)
-        return best_keypoints(xy, score, scale, n), found[ranked(xy, score, n)]
+        keypoints, best = best_keypoints(found[:, 1::-1], found[:, 3], scale, n)
+        return keypoints, found[best]
 
-    def _octaves(self, image: GreyImage) -> list[NDArray[np.float64]]:
-        """mahotas' points, by octave."""
+    def _mended(self, image: GreyImage) -> NDArray[np.float64]:
+        """mahotas' points with the step from the sample to the peak of the quadratic put right.
+
+        mahotas 1.4 takes that step, in position and in scale, in the opposite direction: on Gaussian blobs its points are
+        twice as far from the centre as the samples they come from, and the reversed ones within a few hundredths of a pixel.
+        """
         surf = import_mahotas()
         integral = surf.integral(image)
-        arguments = {"threshold": self.threshold, "is_integral": True}
         parts: list[NDArray[np.float64]] = []
         known: set[bytes] = set()
-        for count in range(1, _OCTAVES + 1):  # mahotas does not say which octave a point is of: ask for one more
-            points = surf.interest_points(integral, nr_octaves=count, **arguments).reshape(-1, 5)
-            parts.append(points[[row.tobytes() not in known for row in points]])
-            known = {row.tobytes() for row in points}
-        return parts
-
-
-def _refined(octaves: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """All points with the step from the sample to the peak of the quadratic put right.
-
-    mahotas 1.4 takes that step, in position and in scale, in the opposite direction: on Gaussian blobs its points are
-    twice as far from the centre as the samples they come from, and the reversed ones within a few hundredths of a pixel.
-    """
-    parts = []
-    for octave, points in enumerate(octaves):
-        mended = points.copy()
-        mended[:, :2] = _other_side(points[:, :2] / 2**octave) * 2**octave
-        step = 2.0 ** (octave + 1)  # between the lobes of an octave's filters, the first of which has step + 1 pixels
-        mended[:, 2] = _LOBE * (_other_side((points[:, 2] / _LOBE - 1) / step) * step + 1)
-        parts.append(mended)
-    return np.concatenate(parts)
+        for octave in range(_OCTAVES):  # mahotas does not say which octave a point is of: ask for one more
+            found = surf.interest_points(integral, nr_octaves=octave + 1, threshold=self.threshold, is_integral=True)
+            found = found.reshape(-1, 5)
+            points = found[[row.tobytes() not in known for row in found]]
+            known = {row.tobytes() for row in found}
+            points[:, :2] = _other_side(points[:, :2] / 2**octave) * 2**octave
+            step = 2.0 ** (
+                octave + 1
+            )  # between the lobes of an octave's filters, the first of which has step + 1 pixels
+            points[:, 2] = _LOBE * (_other_side((points[:, 2] / _LOBE - 1) / step) * step + 1)
+            parts.append(points)
+        return np.concatenate(parts)
 
 
 def _other_side(values: FloatArray) -> FloatArray:

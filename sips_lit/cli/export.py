@@ -10,11 +10,10 @@ import torch
 from omegaconf import DictConfig
 
 from sips_lit.cli.app import run, typed
-from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
 from sips_lit.export.onnx import SHAPES, export_onnx
-from sips_lit.export.safetensors import export_safetensors
 from sips_lit.files import make_folder
 
 FORMATS = ("safetensors", "onnx")

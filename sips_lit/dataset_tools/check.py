@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sips_lit.dataset_tools.recognise import DataSet
 from sips_lit.datasets.spec import Part
@@ -20,7 +21,7 @@ from sips_lit.types import ImageSequence
 
 STILL_METRES = 0.05  # a camera whose whole path is shorter stands still
 STILL_DEGREES = 2.0
-TIME_NAME = re.compile(r"\d{9,}\.\d+")  # seconds since 1970, as in TUM RGB-D
+TIME_NAME = re.compile(r"\d{9,10}(\.\d+)?")  # seconds since 1970, as in TUM RGB-D
 
 
 @dataclass(slots=True)
@@ -28,7 +29,8 @@ class SequenceReport:
     """What was found in one sequence: ``parts`` counts the frames that have each `Part`.
 
     ``temporal``: whether the frames are in the order of time; ``sizes`` (W, H) of the frames that open and how many have
-    each; ``rate`` in frames per second, None if unknown; ``unreadable``: one sentence for each file that does not open;
+    each; ``rate`` in frames per second, None if unknown; ``steps_back``: frames that are not later than the one before;
+    ``notes`` of the sequence itself; ``unreadable``: one sentence for each file that does not open;
     ``path_metres`` and ``turn_degrees``: how far the camera moves and turns by its poses, None without; ``depth_known``:
     fraction of the pixels of each depth map that have a depth.
     """
@@ -40,6 +42,8 @@ class SequenceReport:
     parts: Counter[Part] = field(default_factory=Counter)
     rate: float | None = None
     unreadable: list[str] = field(default_factory=list)
+    steps_back: int = 0
+    notes: list[str] = field(default_factory=list)
     path_metres: float | None = None
     turn_degrees: float | None = None
     depth_known: list[float] = field(default_factory=list)
@@ -125,7 +129,8 @@ def check_sequence(sequence: ImageSequence, advance: Callable[[int], object] = l
         except BadInputError as error:
             report.unreadable.append(str(error))
         advance(1)
-    report.rate = frame_rate(sequence)
+    report.rate, report.steps_back = frame_rate(sequence), int((np.diff(times_of(sequence)) <= 0).sum())
+    report.notes = sequence.notes()
     report.path_metres, report.turn_degrees = path_of(sequence)
     return report
 
@@ -142,13 +147,16 @@ def _parts(sequence: ImageSequence, index: int) -> dict[Part, Any]:
 
 
 def frame_rate(sequence: ImageSequence) -> float | None:
-    """Frames per second by the median time between frames, or between file names that are times in seconds; else None."""
-    times = np.array([t for t in map(sequence.time, range(len(sequence))) if t is not None])
-    names = [sequence.frame_name(i) for i in range(len(sequence))]
-    if not len(times) and all(TIME_NAME.fullmatch(name) for name in names):
-        times = np.array(names, np.float64)
-    steps = np.diff(times)
+    """Frames per second by the median time between frames; None where times are not known."""
+    steps = np.diff(times_of(sequence))
     return None if not len(steps) or np.median(steps) <= 0 else float(1 / np.median(steps))
+
+
+def times_of(sequence: ImageSequence) -> NDArray[np.float64]:
+    """The times that are known of frames, in their order: the data set's, or file names that are seconds since 1970."""
+    times = [t for t in map(sequence.time, range(len(sequence))) if t is not None]
+    names = [sequence.frame_name(i) for i in range(len(sequence))]
+    return np.array(names if not times and all(map(TIME_NAME.fullmatch, names)) else times, np.float64)
 
 
 def path_of(sequence: ImageSequence) -> tuple[float | None, float | None]:
@@ -213,6 +221,11 @@ def remarks(report: DataSetReport) -> list[str]:
                 said.append(f"{sequence.name}: {count} {part}")
         if sequence.frames == 1:
             said.append(f"{sequence.name}: a single frame makes no pair")
+        said += [f"{sequence.name}: {note}" for note in sequence.notes]
+        if sequence.steps_back:
+            said.append(
+                f"{sequence.name}: time steps back {sequence.steps_back} times: frames are not in order, rename the files"
+            )
         if sequence.depth_known:
             said.append(f"{sequence.name}: {np.mean(sequence.depth_known):.0%} of the pixels have a depth")
         if _stands_still(sequence):

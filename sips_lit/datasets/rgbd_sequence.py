@@ -71,6 +71,10 @@ class RgbdSequence(MeasuredSequence):
             )
         return resize_max_side(image, self.max_side)
 
+    def notes(self) -> list[str]:
+        """Which values of 16-bit images are used."""
+        return self._images.notes()
+
     def depth(self, index: int) -> NDArray[np.float32] | None:
         """Depth (H, W) in metres, of the size of the frame, NaN where unknown; None where there is no map.
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from sips_lit.describe.scale_levels import scale_levels
 from sips_lit.types import GreyImage, Keypoints, Norm
 
-BYTES = 32
 _EDGE = 31  # OpenCV drops points nearer to the border than this; the pattern and its blur reach less far
 
 
@@ -23,7 +22,7 @@ class OrbDescriptor:
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, 32) uint8, one row for each keypoint."""
-        descriptors = np.zeros((len(keypoints), BYTES), np.uint8)
+        descriptors = np.zeros((len(keypoints), 32), np.uint8)
         for level in scale_levels(image, keypoints, shrink=1.0, margin=_EDGE + 1):
             points = [cv2.KeyPoint(float(x), float(y), _EDGE, angle=0) for x, y in level.xy]
             kept, rows = cv2.ORB.create(nlevels=1, edgeThreshold=_EDGE).compute(level.image, points)

@@ -48,23 +48,18 @@ def scale_levels(image: GreyImage, keypoints: Keypoints, shrink: float, margin: 
     for step in np.unique(steps):
         rows = np.flatnonzero(steps == step)
         factor = 2 ** (int(step) / 2)
-        level, xy = _shrink(image, keypoints.xy[rows].astype(np.float64), factor, math.ceil(margin))
+        level, xy, left = image, keypoints.xy[rows].astype(np.float64), factor
+        while left > 4:  # padding first would make huge images of large points
+            level, xy = _pad_and_resize(level, xy, 2, 0)
+            left /= 2
+        level, xy = _pad_and_resize(level, xy, left, math.ceil(margin))
         yield ScaleLevel(level, factor, xy.astype(np.float32), wanted[rows] / factor, rows)
-
-
-def _shrink(
-    image: GreyImage, xy: NDArray[np.float64], factor: float, margin: int
-) -> tuple[GreyImage, NDArray[np.float64]]:
-    """``image`` made ``factor`` times smaller with ``margin`` (pixels of the result) around it, and ``xy`` in it."""
-    while factor > 4:  # padding first would make huge images of large points
-        image, xy = _pad_and_resize(image, xy, 2, 0)
-        factor /= 2
-    return _pad_and_resize(image, xy, factor, margin)
 
 
 def _pad_and_resize(
     image: GreyImage, xy: NDArray[np.float64], factor: float, margin: int
 ) -> tuple[GreyImage, NDArray[np.float64]]:
+    """``image`` made ``factor`` times smaller with ``margin`` (pixels of the result) around it, and ``xy`` in it."""
     size = np.array(image.shape[::-1])
     before = math.ceil(margin * factor)
     small = np.ceil((size + 2 * before) / factor).astype(int)

@@ -13,7 +13,6 @@ from sips_lit.describe.scale_levels import LARGEST_RESIDUE, scale_levels
 from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage, Keypoints, Norm
 
-DIMENSION = 128
 _BLUR_REACH = 6  # half the kernel of the blur with which SIFT begins
 
 
@@ -41,7 +40,7 @@ class SiftDescriptor:
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, 128) float32, one row for each keypoint."""
-        descriptors = np.zeros((len(keypoints), DIMENSION), np.float32)
+        descriptors = np.zeros((len(keypoints), 128), np.float32)
         diameter = self.size / self.shrink
         cell = 1.5 * diameter * LARGEST_RESIDUE
         margin = math.ceil(2.5 * cell) + 2 + _BLUR_REACH  # 2: gradient and rounding to whole pixels

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from typing import Any
 
@@ -10,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.describe.scale_levels import scale_levels
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, import_extra
 from sips_lit.types import GreyImage, Keypoints, Norm
 
-DIMENSION = 64
 _SCALE_OF_SIZE = 1.2 / 9  # SURF's filter of 9 px is scale 1.2
-_REACH = 16  # mahotas drops points nearer to the border than about 15.5 times their scale
 
 
 class SurfDescriptor:
@@ -39,23 +36,28 @@ class SurfDescriptor:
 
     def describe(self, image: GreyImage, keypoints: Keypoints) -> NDArray[Any]:
         """(N, 64) float32, one row for each keypoint."""
-        surf = import_mahotas()
-        descriptors = np.zeros((len(keypoints), DIMENSION), np.float32)
+        descriptors = np.zeros((len(keypoints), 64), np.float32)
         scale = self.size * _SCALE_OF_SIZE
-        margin = math.ceil(_REACH * scale) + 2
-        for level in scale_levels(image, keypoints, shrink=1.0, margin=margin):
+        for level in scale_levels(image, keypoints, shrink=1.0, margin=reach(scale)):
             unused = np.ones((len(level.rows), 2))  # score and sign of the detector: carried along by mahotas, not read
             points = np.column_stack([level.xy[:, ::-1], np.full(len(level.rows), scale), unused])
-            rows = surf.descriptors(level.image, points, descriptor_only=True)
-            if len(rows) != len(points):
-                raise RuntimeError(f"mahotas described {len(rows)} of {len(points)} points")
-            descriptors[level.rows] = rows
+            descriptors[level.rows] = describe_rows(level.image, points)
         return descriptors
+
+
+def reach(scale: float) -> int:
+    """Pixels between a point of ``scale`` and the border: mahotas drops those nearer than about 15.5 times their scale."""
+    return math.ceil(16 * scale) + 2
+
+
+def describe_rows(image: GreyImage, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """mahotas' descriptors (N, 64) of its rows (y, x, scale, score, sign), which keep their `reach` from the border."""
+    descriptors: NDArray[np.float64] = import_mahotas().descriptors(image, rows, descriptor_only=True)
+    if len(descriptors) != len(rows):
+        raise RuntimeError(f"mahotas described {len(descriptors)} of {len(rows)} points")
+    return descriptors
 
 
 def import_mahotas() -> Any:
     """The module ``mahotas.features.surf``. Raises BadInputError where mahotas is missing."""
-    try:
-        return importlib.import_module("mahotas.features.surf")
-    except ImportError as error:
-        raise BadInputError("SURF needs the package mahotas: pip install 'sips_lit[surf]'.") from error
+    return import_extra("mahotas.features.surf", "surf", "SURF")

@@ -53,23 +53,17 @@ class Budget:
         """
         keypoints = keypoints.best(self.candidates)
         if self.threshold is not None:
-            keypoints = above_threshold(keypoints, self.threshold)
+            keypoints = keypoints.best(int(np.count_nonzero(keypoints.score >= np.float32(self.threshold))))
         if self.k is None:
             return keypoints, True
         needed = smallest_budget(keypoints.score, self.k, self.confidence)
         return (keypoints, False) if needed is None else (keypoints.best(needed), True)
 
     def __str__(self) -> str:
-        points = f"the best {self.n}" if self.k is None else self._for_k_inliers()
+        points = f"the best {self.n}"
+        if self.k is not None:
+            points = f"as few as give {self.k} inliers with probability {self.confidence:g}, at most {self.n_max}"
         return points if self.threshold is None else f"{points}, of those with P(inlier) >= {self.threshold:g}"
-
-    def _for_k_inliers(self) -> str:
-        return f"as few as give {self.k} inliers with probability {self.confidence:g}, at most {self.n_max}"
-
-
-def above_threshold(keypoints: Keypoints, threshold: float) -> Keypoints:
-    """The points, which are sorted by score, that score at least ``threshold``."""
-    return keypoints.best(int(np.count_nonzero(keypoints.score >= np.float32(threshold))))
 
 
 def smallest_budget(probability: FloatArray, k: int, confidence: float) -> int | None:

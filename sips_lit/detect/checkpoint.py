@@ -1,19 +1,22 @@
-"""Reading a trained network back: from a Lightning checkpoint or an exported safetensors file."""
+"""Trained networks in files: Lightning checkpoints are read; safetensors, which can't run code, are read and written."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
 from torch import Tensor
 
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
+from sips_lit.files import write_whole
 
 METADATA_KEY = "sips_lit"
 PREFIX = "network."
@@ -57,3 +60,21 @@ def _read_safetensors(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Tenso
             return config, {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118 - not a mapping
     except (OSError, SafetensorError, KeyError, ValueError) as error:
         raise BadInputError(f"{path} can't be read: it is damaged, or was not written by sips-export") from error
+
+
+def config_json(network: ScoreNetwork, selector: PointSelector) -> str:
+    """What a reader needs besides the weights: ``{"network": {...}, "selector": {...}}``, constructor arguments."""
+    return json.dumps({"network": network.config, "selector": asdict(selector)}, sort_keys=True)
+
+
+def export_safetensors(network: ScoreNetwork, selector: PointSelector, path: Path) -> list[Path]:
+    """Writes the weights with the configuration as metadata, and the configuration again as ``<stem>.json``.
+
+    Returns both paths. Raises BadInputError when they cannot be written.
+    """
+    config = config_json(network, selector)
+    weights = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
+    sidecar = path.with_suffix(".json")
+    write_whole(path, save(weights, {METADATA_KEY: config}))
+    write_whole(sidecar, f"{config}\n".encode())
+    return [path, sidecar]

@@ -74,7 +74,6 @@ def as_grey(image: Any) -> GreyImage:
     if isinstance(image, Tensor):
         values = image.detach().cpu()
         array = (values.float() if values.is_floating_point() else values).numpy()  # NumPy has no bfloat16
-        array = array[0] if array.ndim == 3 and array.shape[0] == 1 else array
         array = np.moveaxis(array, 0, -1) if array.ndim == 3 else array
     else:
         mode = getattr(image, "mode", None)  # of a PIL image

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.detect.ranking import ranked
+from sips_lit.detect.base import ranked
 from sips_lit.errors import BadInputError
 from sips_lit.types import Features, Keypoints
 
@@ -51,11 +51,6 @@ class Defects:
         if self.unsorted:
             words.append(f"sorted the points of {self.unsorted} of {self.images} images")
         return "; ".join(words)
-
-    @property
-    def clean(self) -> bool:
-        """Whether nothing had to be mended (having fewer points than asked is legal)."""
-        return self.returned == self.kept and self.unsorted == 0
 
 
 def sanitise(points: Points, image_shape: tuple[int, ...], n: int) -> tuple[Points, Defects]:
@@ -119,11 +114,7 @@ def _first_of_each(
 ) -> NDArray[np.int64]:
     """Indices into ``rows``, ascending: the first of each group of equal points."""
     place = np.column_stack([keypoints.xy[rows], keypoints.scale[rows]]).astype(np.float64) + 0.0  # -0.0 equals 0.0
-    seen: set[tuple[bytes, bytes]] = set()
-    first = []
+    first: dict[tuple[bytes, bytes], int] = {}
     for index, row in enumerate(rows):
-        key = place[index].tobytes(), descriptors[row].tobytes()
-        if key not in seen:
-            seen.add(key)
-            first.append(index)
-    return np.array(first, np.int64)
+        first.setdefault((place[index].tobytes(), descriptors[row].tobytes()), index)
+    return np.array(list(first.values()), np.int64)

@@ -18,7 +18,7 @@ class ScoreNetwork(nn.Module):
 
     ``depth`` layers, the last with one channel; the others have ``width / 2`` channels in the first half of the network
     and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias``. With
-    ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.pyramid`).
+    ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`).
 
     The input is padded once by ``radius`` replicated pixels, then every convolution is a valid one: the logit of a pixel
     depends on exactly the (2 radius + 1)^2 pixels around it, and the same numbers come out of a dense pass and of patches.
@@ -60,8 +60,9 @@ class ScoreNetwork(nn.Module):
                 cast(Tensor, layer.bias).zero_()
             cast(Tensor, self.layers[-1].weight).mul_(0.1)  # logits start near the bias
             cast(Tensor, self.layers[-1].bias).fill_(start_bias)
-        for parameter in self.parameters():  # channels last halves the time on a CPU
-            parameter.data = parameter.data.contiguous(memory_format=_layout(parameter))
+        for parameter in self.parameters():
+            if parameter.ndim == 4:  # channels last halves the time on a CPU
+                parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
 
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W) with values 0 to 255."""
@@ -69,8 +70,7 @@ class ScoreNetwork(nn.Module):
 
     def pad(self, image: Tensor) -> Tensor:
         """Scaled image with ``radius`` replicated pixels on every side."""
-        r = self.radius
-        return F.pad((image - 127.0) / 64.0, (r, r, r, r), mode="replicate")
+        return F.pad((image - 127.0) / 64.0, (self.radius,) * 4, mode="replicate")
 
     def valid(self, padded: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of padded, scaled images (B, 1, H + 2 radius, W + 2 radius)."""
@@ -93,7 +93,3 @@ class ScoreNetwork(nn.Module):
         size = 2 * self.radius + 1
         windows = self.pad(image)[0, 0].unfold(0, size, 1).unfold(1, size, 1)
         return self.valid(windows[rows, columns].unsqueeze(1)).flatten()
-
-
-def _layout(parameter: Tensor) -> torch.memory_format:
-    return torch.channels_last if parameter.ndim == 4 else torch.contiguous_format

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from sips_lit.detect.nms import local_maxima
-from sips_lit.detect.pyramid import image_pyramid, suppress_across_levels, to_full_resolution
+from sips_lit.detect.peaks import local_maxima, quadratic_offsets
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
-from sips_lit.detect.subpixel import quadratic_offsets
 from sips_lit.errors import BadInputError
 from sips_lit.types import FloatArray, GreyImage, Keypoints
 
@@ -59,14 +58,12 @@ class PointSelector:
         parts = [self._level(network(level)[0, 0], index, size, keep) for index, level in enumerate(levels)]
         xy, logit, place = (torch.cat(column).cpu() for column in zip(*parts, strict=True))
         order = torch.sort(logit, descending=True, stable=True).indices
-        xy, logit, place = xy[order], logit[order], place[order]
-        where = place.numpy()
+        positions, logit, where = xy[order].numpy(), logit[order], place[order].numpy()
+        kept = np.arange(min(n, len(positions)))
         if len(levels) > 1:
-            kept = suppress_across_levels(xy.numpy(), where[:, 0], self.nms_radius, n)
-        else:
-            kept = np.arange(min(n, len(xy)))
+            kept = suppress_across_levels(positions, where[:, 0], self.nms_radius, n)
         scale = network.scale_factor ** where[kept, 0]
-        keypoints = Keypoints(xy.numpy()[kept], torch.sigmoid(logit).numpy()[kept], scale.astype(np.float32))
+        keypoints = Keypoints(positions[kept], torch.sigmoid(logit).numpy()[kept], scale.astype(np.float32))
         return SelectedPoints(keypoints, where[kept, 0], where[kept, 1], where[kept, 2])
 
     def _level(
@@ -88,17 +85,55 @@ class PointSelector:
         return xy, logits[rows, columns], torch.stack([torch.full_like(rows, index), rows, columns], 1)
 
 
+def image_pyramid(image: Tensor, scales: int, factor: float) -> list[Tensor]:
+    """``scales`` images (1, 1, H / factor^s, W / factor^s) of one image (1, 1, H, W), the first unchanged.
+
+    Each level is shrunk from the original with an anti-aliasing filter. Levels that would be smaller than one pixel are
+    left out.
+    """
+    height, width = image.shape[-2:]
+    sizes = [(round(height / factor**s), round(width / factor**s)) for s in range(1, scales)]
+    return [image] + [
+        F.interpolate(image, size, mode="bilinear", align_corners=False, antialias=True)
+        for size in sizes
+        if min(size) > 0
+    ]
+
+
+def to_full_resolution(xy: Tensor, level_size: tuple[int, int], size: tuple[int, int]) -> Tensor:
+    """Points (N, 2) of a pyramid level in pixels of the original; sizes are (H, W). Pixel centres are integers."""
+    scale = xy.new_tensor([size[1] / level_size[1], size[0] / level_size[0]])
+    return (xy + 0.5) * scale - 0.5
+
+
+def suppress_across_levels(
+    xy: NDArray[np.float32], level: NDArray[np.int64], radius: float, n: int
+) -> NDArray[np.int64]:
+    """Indices of at most ``n`` points to keep, of points (N, 2) that are sorted best first.
+
+    Greedy: a point is dropped if a better, kept one of *another* level lies within Chebyshev distance ``radius`` in pixels
+    of the original (within a level the local maxima already keep their distance).
+    """
+    kept = np.empty(min(n, len(xy)), np.int64)
+    count = 0
+    for index in range(len(xy)):
+        if count == len(kept):
+            break
+        rivals = kept[:count][level[kept[:count]] != level[index]]
+        if not len(rivals) or np.abs(xy[rivals] - xy[index]).max(1).min() > radius:
+            kept[count] = index
+            count += 1
+    return kept[:count]
+
+
 def logits_at(network: ScoreNetwork, image: Tensor, points: SelectedPoints, gradient: Gradient) -> Tensor:
     """Logits (N,) of the selected points of one image (1, 1, H, W), differentiable, in the order of the points."""
     levels = image_pyramid(image, network.scales, network.scale_factor)
     logits = image.new_zeros(len(points))
     for index in np.unique(points.level):
-        mask = points.level == index
-        rows = torch.from_numpy(points.row[mask]).to(image.device)
-        columns = torch.from_numpy(points.column[mask]).to(image.device)
-        logits[torch.from_numpy(np.flatnonzero(mask)).to(image.device)] = network.at(
-            levels[index], rows, columns, gradient
-        )
+        here = np.flatnonzero(points.level == index)
+        rows, columns = (torch.from_numpy(place[here]).to(image.device) for place in (points.row, points.column))
+        logits[torch.from_numpy(here).to(image.device)] = network.at(levels[index], rows, columns, gradient)
     return logits
 
 
@@ -110,7 +145,6 @@ def image_tensor(image: GreyImage, device: torch.device | str = "cpu") -> Tensor
 @torch.no_grad()
 def score_map(network: ScoreNetwork, image: GreyImage) -> FloatArray:
     """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution."""
-    scores: FloatArray = (
-        torch.sigmoid(network(image_tensor(image, next(network.parameters()).device)))[0, 0].cpu().numpy()
-    )
+    logits = network(image_tensor(image, next(network.parameters()).device))
+    scores: FloatArray = torch.sigmoid(logits)[0, 0].cpu().numpy()
     return scores

@@ -1,1 +1,1 @@
-"""Trained networks for other programs: safetensors and ONNX."""
+"""Trained networks for other programs: ONNX."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import logging
 import warnings
+from collections import OrderedDict
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -12,13 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import nn
 
-from sips_lit.detect.checkpoint import METADATA_KEY
+from sips_lit.detect.checkpoint import METADATA_KEY, config_json
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
-from sips_lit.export.safetensors import config_json
 from sips_lit.files import write_whole
 
 TOLERANCE: Final = 1e-4
@@ -30,18 +30,6 @@ DESCRIPTION: Final = (
     "float32, of each pixel being an inlier if it is chosen as an interest point. Points are the local maxima within "
     "nms_radius (metadata `sips_lit`, selector), best first."
 )
-
-
-class ProbabilityMap(nn.Module):
-    """The graph that is exported: images (B, 1, H, W), 0 to 255, to probabilities (B, 1, H, W)."""
-
-    def __init__(self, network: ScoreNetwork) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, image: Tensor) -> Tensor:
-        """Probabilities of the pixels of an image."""
-        return torch.sigmoid(self.network(image))
 
 
 def export_onnx(network: ScoreNetwork, selector: PointSelector, path: Path) -> float:
@@ -84,10 +72,10 @@ def onnx_model(network: ScoreNetwork, selector: PointSelector) -> bytes:
     with torch.no_grad(), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
-            ProbabilityMap(network).eval(),
+            nn.Sequential(OrderedDict(network=network, sigmoid=nn.Sigmoid())).eval(),
             (example,),
             dynamo=True,
-            dynamic_shapes={"image": sizes},
+            dynamic_shapes=(sizes,),
             input_names=["image"],
             output_names=["probability"],
             verbose=False,
@@ -95,22 +83,16 @@ def onnx_model(network: ScoreNetwork, selector: PointSelector) -> bytes:
     if program is None:
         raise RuntimeError("the exporter gave no model")
     model: Any = program.model_proto
-    _forget_sources(model)
+    graph = model.graph
+    for item in [*graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer, graph]:
+        del item.metadata_props[:]  # stack traces with the paths of this machine, several times the size of the rest
     model.doc_string = DESCRIPTION
     model.producer_name, model.producer_version = "sips_lit", version("sips_lit")
     onnx.helper.set_model_props(
         model, {METADATA_KEY: config_json(network, selector), "sips_lit_version": version("sips_lit")}
     )
     onnx.checker.check_model(model, full_check=True)
-    content: bytes = model.SerializeToString()
-    return content
-
-
-def _forget_sources(model: Any) -> None:
-    """Drops the exporter's notes: stack traces with the paths of this machine, several times the size of the rest."""
-    graph = model.graph
-    for item in [*graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer, graph]:
-        del item.metadata_props[:]
+    return bytes(model.SerializeToString())
 
 
 def max_difference(network: ScoreNetwork, model: bytes, shapes: Sequence[tuple[int, int, int, int]]) -> float:

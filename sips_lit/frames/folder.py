@@ -61,6 +61,10 @@ class FolderSequence(ImageSequence):
         """The first file that can be read; the first of all if none can."""
         return next((file for file in self.files if _can_be_read(file)), self.files[0])
 
+    def notes(self) -> list[str]:
+        """Which values of 16-bit images are used."""
+        return self.span.notes()
+
     def frame_name(self, index: int) -> str:
         """The file's name without its suffix."""
         return self.files[index].stem

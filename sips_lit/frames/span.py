@@ -30,8 +30,9 @@ class Span:
         scaled = (np.clip(values, self.low, self.high) - np.float64(self.low)) * 255 / (self.high - self.low)
         return np.asarray(scaled + 0.5, np.uint8)
 
-    def __str__(self) -> str:
-        return f"{self.low} to {self.high}"
+    def notes(self) -> list[str]:
+        """What one should know: nothing of images of 8 bits, or that use all 16."""
+        return [] if self == FULL else [f"16-bit values, of which {self.low} to {self.high} become 0 to 255"]
 
 
 FULL: Final = Span()

@@ -206,7 +206,7 @@ def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> _Dec
     kept = _every(source, stride)
     first, _ = next(kept)
     size = first.size
-    height, width = resize_max_side(first.grey(), parameters["max_side"]).shape
+    height, width = resize_max_side(first.grey(source.span), parameters["max_side"]).shape
     done = frames.stat().st_size // (height * width) if frames.is_file() else 0
     total = min(limit, -(-source.total // stride))
     _check_space(file, frames.parent, (total - done) * height * width)
@@ -225,7 +225,9 @@ def _append_frames(file: Path, frames: Path, parameters: dict[str, Any]) -> _Dec
                 breaks.append(count)
             size = frame.size
             if count >= done:
-                handle.write(_fitted(frame.grey(), (width, height), f"{file}, frame {count * stride},").tobytes())
+                handle.write(
+                    _fitted(frame.grey(source.span), (width, height), f"{file}, frame {count * stride},").tobytes()
+                )
                 bar.update()
         else:
             count += 1

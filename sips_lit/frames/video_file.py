@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bisect
+import functools
+import itertools
 import logging
 import re
 import shlex
@@ -11,12 +13,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import av
-import cv2
 import numpy as np
 from av.container import InputContainer
 from av.stream import Disposition
@@ -24,6 +24,8 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.images import to_grey
+from sips_lit.frames.span import FULL, SAMPLE, Span, find_span
 from sips_lit.types import GreyImage
 
 logging.getLogger("libav").setLevel(logging.CRITICAL + 1)  # what other threads say meanwhile is not for the user
@@ -46,12 +48,26 @@ class VideoFrame:
 
     def colour(self) -> NDArray[np.uint8]:
         """BGR (H, W, 3) as OpenCV decodes it, turned upright where the file says how the camera was held."""
-        image = self.decoded.to_ndarray(format="bgr24")
-        return np.ascontiguousarray(np.rot90(image, round(self.decoded.rotation / 90)))
+        return np.asarray(self._upright(self.decoded.to_ndarray(format="bgr24")), np.uint8)
 
-    def grey(self) -> GreyImage:
-        """Grey (H, W), upright."""
-        return np.asarray(cv2.cvtColor(self.colour(), cv2.COLOR_BGR2GRAY), np.uint8)
+    @property
+    def deep(self) -> bool:
+        """Whether it is grey of more than 8 bits, as of thermal cameras."""
+        form = self.decoded.format
+        return form.name.startswith("gray") and form.components[0].bits > 8
+
+    def values(self) -> NDArray[Any]:
+        """BGR as `colour` gives it; of a deep grey frame its 16-bit values (H, W), scaled by the decoder to all 16 bits."""
+        if not self.deep:
+            return self.colour()
+        return self._upright(self.decoded.to_ndarray(format="gray16le"))
+
+    def grey(self, span: Span) -> GreyImage:
+        """Grey (H, W), upright; deep values are scaled by ``span``."""
+        return to_grey(self.values(), "a frame", span)
+
+    def _upright(self, image: NDArray[Any]) -> NDArray[Any]:
+        return np.ascontiguousarray(np.rot90(image, round(self.decoded.rotation / 90)))
 
 
 @dataclass(slots=True)
@@ -109,6 +125,16 @@ class VideoFile:
         self._survey = self._read_packets()
         self.total = self._survey.frames
 
+    @functools.cached_property
+    def span(self) -> Span:
+        """Which values of deep grey frames become 0 to 255, by a sample of all: one span for the video."""
+        first = next(iter(self))
+        if not first.deep:
+            return FULL
+        step = max(1, self.total // SAMPLE)
+        sample = [frame.values() for frame in itertools.islice(self, 0, None, step)]
+        return find_span(len(sample), lambda index: sample[index])
+
     def __iter__(self) -> Iterator[VideoFrame]:
         survey, self.damage = self._survey, None
         given, holes = 0, list[int]()  # frames given so far; how many were given before each hole
@@ -155,7 +181,7 @@ class VideoFile:
                 packet.opaque = number
                 frames = [] if packet.is_corrupt else self._guarded(packet.decode)
                 yield _Decoded(number, packet.pts, frames or [], broken=frames is None or number in complaints)
-            frames = self._guarded(partial(stream.codec_context.decode, None))
+            frames = self._guarded(functools.partial(stream.codec_context.decode, None))
             yield _Decoded(number, None, frames or [], broken=False)
         if number + 1 in complaints:  # what the container says after the last packet
             yield _Decoded(number + 1, None, [], broken=True)

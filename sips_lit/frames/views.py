@@ -55,6 +55,10 @@ class SequenceView(ImageSequence):
         """When the frame was taken."""
         return self.whole.time(self.in_whole(index))
 
+    def notes(self) -> list[str]:
+        """Of the whole sequence."""
+        return self.whole.notes()
+
     def homography(self, index0: int, index1: int) -> FloatArray | None:
         """(3, 3) from one frame of the view to another."""
         return self.whole.homography(self.in_whole(index0), self.in_whole(index1))

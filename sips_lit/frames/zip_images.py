@@ -61,6 +61,10 @@ class ZipSequence(ImageSequence):
             )
         return resize_max_side(image, self.max_side)
 
+    def notes(self) -> list[str]:
+        """Which values of 16-bit images are used."""
+        return self.span.notes()
+
     def frame_name(self, index: int) -> str:
         """The member's name without folder and suffix."""
         return safe_name(PurePosixPath(self.members[index].filename).stem)

@@ -111,8 +111,8 @@ class VideoStream(FrameStream):
 
     def __iter__(self) -> Iterator[Frame]:
         for index, frame in enumerate(self.video):
-            picture, grey = frame.colour(), frame.grey()
-            name = f"{self.video.path.stem}_{index:06d}"
-            yield Frame(name, grey, np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8))
+            grey = frame.grey(self.video.span)
+            picture = np.dstack([grey] * 3) if frame.deep else cv2.cvtColor(frame.colour(), cv2.COLOR_BGR2RGB)
+            yield Frame(f"{self.video.path.stem}_{index:06d}", grey, np.asarray(picture, np.uint8))
         if self.video.damage:
             warn_input(self.video.damage)

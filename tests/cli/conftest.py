@@ -15,9 +15,9 @@ import torch
 from cli_runs import ROOT, Command, Process, Result, write_frames
 from textured_scenes import flight
 
+from sips_lit.detect.checkpoint import export_safetensors
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
-from sips_lit.export.safetensors import export_safetensors
 
 
 @pytest.fixture(scope="session", autouse=True)

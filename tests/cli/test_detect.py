@@ -9,10 +9,9 @@ import torch
 from textured_scenes import flight, texture
 
 from sips_lit.cli.detect import choose_device, formats
-from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
-from sips_lit.export.safetensors import export_safetensors
 
 
 @pytest.fixture

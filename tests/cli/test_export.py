@@ -8,11 +8,10 @@ import pytest
 import torch
 
 import sips_lit.cli.export
-from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
-from sips_lit.export.safetensors import export_safetensors
 
 EXTRA = all(importlib.util.find_spec(name) for name in ("onnx", "onnxscript", "onnxruntime"))
 

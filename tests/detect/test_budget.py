@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sips_lit.detect.budget import Budget, above_threshold, enough_inliers, smallest_budget
+from sips_lit.detect.budget import Budget, enough_inliers, smallest_budget
 from sips_lit.errors import BadInputError
 from sips_lit.types import Keypoints
 
@@ -76,8 +76,7 @@ def test_fixed_budget_cuts_and_never_misses() -> None:
 
 def test_threshold_keeps_equal_scores_and_combines_with_the_others() -> None:
     points = keypoints_of([0.9, 0.7, 0.7, 0.3])
-    assert len(above_threshold(points, 0.7)) == 3
-    assert len(above_threshold(points, 0.95)) == 0
+    assert len(Budget(threshold=0.95).keep(points)[0]) == 0
     assert len(Budget(n=2, threshold=0.7).keep(points)[0]) == 2
     assert len(Budget(n=50, threshold=0.7).keep(points)[0]) == 3
     kept, enough = Budget(threshold=0.7, k=3, confidence=0.5).keep(points)  # 0.9 * 0.7 * 0.7 = 0.44

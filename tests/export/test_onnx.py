@@ -6,13 +6,12 @@ import pytest
 import torch
 from textured_scenes import texture
 
-from sips_lit.detect.checkpoint import METADATA_KEY
-from sips_lit.detect.nms import local_maxima
+from sips_lit.detect.checkpoint import METADATA_KEY, config_json
+from sips_lit.detect.peaks import local_maxima
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor
 from sips_lit.errors import BadInputError
 from sips_lit.export.onnx import export_onnx, max_difference, require_export_extra
-from sips_lit.export.safetensors import config_json
 
 onnx = pytest.importorskip("onnx", reason="needs the extra export")
 onnxruntime = pytest.importorskip("onnxruntime", reason="needs the extra export")

@@ -15,6 +15,7 @@ from textured_scenes import flight
 from video_files import decoded, frames_of, one, write_video
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.span import Span
 from sips_lit.frames.video import video
 from sips_lit.frames.video_file import VideoFile, VideoFrame
 from sips_lit.types import GreyImage, ImageSequence
@@ -33,10 +34,10 @@ def stop_after(monkeypatch: pytest.MonkeyPatch, count: int, error: BaseException
     """Decoding ends with ``error`` after ``count`` frames."""
     grey, left = VideoFrame.grey, iter(range(count))
 
-    def interrupted(frame: VideoFrame) -> GreyImage:
+    def interrupted(frame: VideoFrame, span: Span) -> GreyImage:
         if next(left, None) is None:
             raise error
-        return grey(frame)
+        return grey(frame, span)
 
     monkeypatch.setattr(VideoFrame, "grey", interrupted)
 

@@ -11,6 +11,7 @@ from textured_scenes import flight
 from video_files import decoded
 
 from sips_lit.errors import BadInputError
+from sips_lit.frames.span import FULL
 from sips_lit.frames.video_file import VideoFile
 
 FRAMES, GROUP = 60, 12  # a keyframe every 12 frames
@@ -27,7 +28,7 @@ def marked() -> list[np.ndarray]:
 
 def numbers(video: VideoFile) -> list[int]:
     """The numbers that the frames of a video tell."""
-    blocks = [frame.grey()[4:12, 4:96].reshape(8, -1) for frame in video]
+    blocks = [frame.grey(FULL)[4:12, 4:96].reshape(8, -1) for frame in video]
     return [sum(int(block[:, 16 * bit : 16 * bit + 8].mean() > 127) << bit for bit in range(6)) for block in blocks]
 
 
@@ -143,25 +144,25 @@ def test_a_recording_that_begins_between_keyframes_is_whole(tmp_path: Path):
 
 
 def test_frames_equal_those_of_opencv(whole: Path):
-    np.testing.assert_array_equal([frame.grey() for frame in VideoFile(whole)], decoded(whole))
+    np.testing.assert_array_equal([frame.grey(FULL) for frame in VideoFile(whole)], decoded(whole))
 
 
 @pytest.mark.shared_data
 @pytest.mark.parametrize("name", ["base.mp4", "gap.mp4", "vfr.webm", "drop.avi", "av1.mp4", "cam.MTS", "pi.h264"])
 def test_whole_files_that_cameras_write(shared_cases: Path, name: str):
     video = VideoFile(shared_cases / name)
-    frames = [frame.grey() for frame in video]
+    frames = [frame.grey(FULL) for frame in video]
     assert (len(frames), video.total, video.damage) == (60, 60, None)
     if name in ("gap.mp4", "cam.MTS", "vfr.webm", "av1.mp4"):  # the same scene by another codec
         for frame, base in zip(frames[::10], list(VideoFile(shared_cases / "base.mp4"))[::10], strict=True):
-            assert np.abs(frame.astype(int) - base.grey()).mean() < 6
+            assert np.abs(frame.astype(int) - base.grey(FULL)).mean() < 6
 
 
 @pytest.mark.shared_data
 def test_a_download_cut_short_by_name(shared_cases: Path):
     video = VideoFile(shared_cases / "trunc.mp4")
-    whole = [frame.grey() for frame in VideoFile(shared_cases / "base.mp4")]
-    frames = [frame.grey() for frame in video]
+    whole = [frame.grey(FULL) for frame in VideoFile(shared_cases / "base.mp4")]
+    frames = [frame.grey(FULL) for frame in video]
     assert 34 <= len(frames) <= 37
     np.testing.assert_array_equal(frames, whole[: len(frames)])
     assert video.damage is not None
@@ -205,3 +206,20 @@ def test_a_relative_name_with_a_colon(clip: Path, tmp_path: Path, monkeypatch: p
     (tmp_path / "12:30.avi").write_bytes(clip.read_bytes())
     monkeypatch.chdir(tmp_path)
     assert len(list(VideoFile(Path("12:30.avi")))) == 12
+
+
+def test_one_range_for_a_thermal_video(tmp_path: Path):
+    """14 bits of which a tenth is used: the contrast of the scene stays, and is the same in all frames."""
+    path, frames = tmp_path / "thermal.mkv", flight(20, size=(320, 240)).frames
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 320, 240, "gray16le"
+        for image in frames:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(28900 + image.astype(np.uint16) * 4, "gray16le")))
+        container.mux(stream.encode(None))
+    video = VideoFile(path)
+    for given, image in zip(video, frames, strict=True):
+        grey = given.grey(video.span)
+        assert np.corrcoef(grey.ravel(), image.ravel())[0, 1] > 0.999
+        assert grey.std() == pytest.approx(image.std() * 4 * 255 / (video.span.high - video.span.low), rel=0.02)
+        assert grey.std() > 0.5 * image.std()

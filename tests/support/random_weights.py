@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from sips_lit.baselines.superpoint_network import SuperPointNetwork
+from sips_lit.baselines.superpoint import SuperPointNetwork
 
 NAMES = ("aliked", "disk", "xfeat", "keynet", "superpoint", "superpoint_rpautrat")
 
