@@ -14,12 +14,12 @@ from sips_lit.frames.span import Span, find_span
 from sips_lit.types import GreyImage
 
 GREY_VERSION = 2  # part of the fingerprints of sequences: frames change when the way to grey does
-# channels and depth of the file, without alpha; the orientation tag is ignored, so that points are in pixels of the file
-DECODE_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
+# channels and depth of the file, without alpha, turned upright by the orientation tag (EXIF) as videos are
+DECODE_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
 
 
 def read_grey(path: str | Path, span: Span | None = None) -> GreyImage:
-    """An image file, grey or colour, as grey uint8 (H, W); alpha is dropped and the orientation tag (EXIF) ignored.
+    """An image file, grey or colour, as grey uint8 (H, W), upright by its orientation tag (EXIF); alpha is dropped.
 
     16-bit values are scaled by ``span``, by default the part of their range that this image uses; floating-point ones from
     [0, 1]. Raises BadInputError when the file is missing, truncated or not an image, or has values of another kind.

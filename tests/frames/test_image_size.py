@@ -35,10 +35,9 @@ def test_of_a_truncated_image_the_header_is_enough(tmp_path, suffix):
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "webp"])
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])
-def test_a_tag_that_turns_the_image_changes_nothing(tmp_path, suffix, orientation):
+def test_a_tag_turns_the_image(tmp_path, suffix, orientation):
     path = write_turned(tmp_path / f"a.{suffix}", orientation)
-    assert cv2.imread(str(path)).shape[:2] == ((40, 30) if orientation > 4 else (30, 40))  # by default OpenCV turns it
-    assert image_size(path) == (40, 30) == read_grey(path).shape[::-1]
+    assert image_size(path) == ((30, 40) if orientation > 4 else (40, 30)) == read_grey(path).shape[::-1]
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
