@@ -178,7 +178,7 @@ class VideoFile:
             stream.thread_type = "NONE"  # threads mark damaged frames later, or not at all
             stream.codec_context.copy_opaque = True
             for number, packet in enumerate(_packets(container, stream)):
-                packet.opaque = number
+                packet.opaque = (number,)  # PyAV tells objects apart by their identity, and equal integers share theirs
                 frames = [] if packet.is_corrupt else self._guarded(packet.decode)
                 yield _Decoded(number, packet.pts, frames or [], broken=frames is None or number in complaints)
             frames = self._guarded(functools.partial(stream.codec_context.decode, None))
@@ -196,7 +196,7 @@ class VideoFile:
                     return None
             else:
                 decoded = decode()
-            return [(cast(int, frame.opaque), frame) for frame in decoded]
+            return [(cast(tuple[int], frame.opaque)[0], frame) for frame in decoded]
         except av.FFmpegError:
             return None
 

@@ -223,3 +223,17 @@ def test_one_range_for_a_thermal_video(tmp_path: Path):
         assert np.corrcoef(grey.ravel(), image.ravel())[0, 1] > 0.999
         assert grey.std() == pytest.approx(image.std() * 4 * 255 / (video.span.high - video.span.low), rel=0.02)
         assert grey.std() > 0.5 * image.std()
+
+
+def test_two_readers_of_one_file_do_not_disturb_each_other(tmp_path: Path):
+    """Read in turn, with others that begin and end meanwhile."""
+    path = encode(tmp_path / "whole.mp4", "libx264")
+    first, second = VideoFile(path), VideoFile(path)
+    pairs = 0
+    for one, other in zip(first, second, strict=True):
+        assert not one.after_hole
+        assert not other.after_hole
+        pairs += 1
+        if pairs % 10 == 0:
+            next(iter(VideoFile(path)))
+    assert (pairs, first.damage, second.damage) == (FRAMES, None, None)
