@@ -70,6 +70,13 @@ def _as_text(value: str) -> str:
     return quoted(str(Path(value).expanduser()) if value == "~" or value.startswith("~/") else value)
 
 
+def path_argument(key: str, path: Path) -> str:
+    """``key=path`` for a hint: plain where commands take that as typed, in quotes where a name looks like grammar."""
+    plain = f"{key}={path}"
+    (argument,) = as_typed([plain])
+    return plain if argument.endswith(f"={quoted(str(path))}") else f"{key}={quoted(str(path))}"
+
+
 def quoted(value: str) -> str:
     """The value in quotes of the configuration language, in which a quote and backslashes before one are escaped."""
     escaped = re.sub(r"(\\*)'", r"\1\1\'", value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from tabulate import tabulate
 
 from sips_lit.cli.app import errors_explained
+from sips_lit.cli.arguments import path_argument
 from sips_lit.dataset_tools.check import DataSetReport, SequenceReport, check, remarks
 from sips_lit.dataset_tools.download import Offer, fetch, read_catalogue, remote_size
 from sips_lit.dataset_tools.recognise import DataSet, recognise
@@ -62,11 +64,12 @@ def table(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def how_to_use(dataset: DataSet) -> str:
-    """The command that trains on a data set."""
+    """The command that trains on a data set, as it can be pasted into a shell."""
     spec = dataset.spec
     options = [f"data.{key}={str(value).lower()}" for key, value in dataset.options.items()]
     inliers = [] if "klt" in spec.inliers else [f"inliers={spec.inliers[0]}"]
-    return " ".join([f"use: sips-train data={spec.kind} data.path={dataset.path}", *options, *inliers, *spec.keys])
+    path = path_argument("data.path", dataset.path)
+    return "use: " + shlex.join(["sips-train", f"data={spec.kind}", path, *options, *inliers, *spec.keys])
 
 
 def sequence_row(sequence: SequenceReport) -> dict[str, str]:

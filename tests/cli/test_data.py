@@ -1,16 +1,20 @@
+import shlex
 import zipfile
 
 import cv2
 import numpy as np
 import pytest
 import yaml
+from cli_runs import write_frames
 from hpatches_files import write_sequence
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from own_dataset import write_walk
 from rgbd_files import write_simple
 from robotcar_files import write_run
 from textured_scenes import flight
 
 from sips_lit.cli import data as command
+from sips_lit.cli.arguments import as_typed
 from sips_lit.cli.data import main
 
 
@@ -95,7 +99,7 @@ def test_a_data_set_of_another_package(installed, tmp_path, capsys, command):
     assert f"{folder}: Walks (known by walk.npz)" in out
     assert "| walk       | 5        | 96x80  | 20.0       | times |" in out
     used = next(line for line in out.splitlines() if line.startswith("use: sips-train "))
-    assert used.endswith(f" data=walk data.path={folder} hydra.searchpath=[pkg://walks.conf]")
+    assert used.endswith(f" data=walk data.path={folder} 'hydra.searchpath=[pkg://walks.conf]'")
     result = command("index", *used.split()[2:])  # what it recommends works
     assert result.code == 0, result.err
     assert "| walk       |        5 |" in result.out
@@ -170,3 +174,15 @@ def test_an_unknown_name_lists_the_choices(capsys):
     code, _, err = run(capsys, "download", "imagenet")
     assert code == 1
     assert "kitti_odometry" in err
+
+
+@pytest.mark.parametrize("name", ["2024_01_01", "a (copy) #1", "[1] it's", "null", "~x", "x,y"])
+def test_what_check_prints_can_be_pasted(tmp_path, monkeypatch, capsys, name):
+    """Through the shell, and what a command makes of it: the folder itself."""
+    monkeypatch.chdir(tmp_path)
+    write_frames(tmp_path / name, flight(4).frames)
+    with pytest.raises(SystemExit):
+        main(["check", name])
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("use: "))
+    *_, argument = as_typed(shlex.split(line.removeprefix("use: sips-train ")))
+    assert OverridesParser.create().parse_override(argument).value() == name
