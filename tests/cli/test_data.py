@@ -100,7 +100,7 @@ def test_a_data_set_of_another_package(installed, tmp_path, capsys, command):
     assert "| walk       | 5        | 96x80  | 20.0       | times |" in out
     used = next(line for line in out.splitlines() if line.startswith("use: sips-train "))
     assert used.endswith(f" data=walk data.path={folder} 'hydra.searchpath=[pkg://walks.conf]'")
-    result = command("index", *used.split()[2:])  # what it recommends works
+    result = command("index", *shlex.split(used)[2:])  # what it recommends works
     assert result.code == 0, result.err
     assert "| walk       |        5 |" in result.out
     code, out, _ = run(capsys, "stats", folder, "--output", tmp_path / "stats.png", "--cache", tmp_path / "cache")
