@@ -36,17 +36,23 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     Bad input ends in one sentence on standard error and exit code 1, Ctrl-C in exit code 130. A job of a multirun that
     fails does not stop the others.
     """
-    warnings.filterwarnings("ignore", module="lightning")
-    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     register_resolvers()
+    quiet_lightning()
 
     def command(config: DictConfig) -> Any:
         register_resolvers()  # a launcher may have started another process
+        quiet_lightning()
         with errors_explained(config):
             return task(config)
 
     command.__module__, command.__qualname__ = __name__, config_name
     hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+
+
+def quiet_lightning() -> None:
+    """Leaves out what Lightning says of the hardware and of itself."""
+    warnings.filterwarnings("ignore", module="lightning")
+    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
 @contextmanager
