@@ -60,6 +60,9 @@ class ProgressLines(tqdm):  # type: ignore[type-arg]
         with self.get_lock():  # type: ignore[no-untyped-call]
             return super().update(n)
 
+    def clear(self, *_: Any, **__: Any) -> None:
+        """Nothing: lines stay, whatever else is written."""
+
     def display(self, *_: Any) -> None:
         """Writes a line if one is due."""
         now = self._time()

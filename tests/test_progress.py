@@ -184,3 +184,13 @@ def test_every_bar_of_the_package_is_made_here():
         path.relative_to(package) for path in package.rglob("*.py") if re.search(r"\btqdm( if|\()", path.read_text())
     ]
     assert with_bars == [Path("progress.py")]
+
+
+def test_warnings_among_the_lines(monkeypatch):
+    """What is written meanwhile (by `tqdm.write`) takes no line away and adds none."""
+    err = as_stderr(monkeypatch, terminal=False)
+    with progress(desc="index", unit="frame", total=3, delay=0) as shown:
+        shown.update()
+        tqdm.write("warning: one is damaged", file=err)
+        shown.update()
+    assert [line.partition(",")[0] for line in err.lines] == ["index: 1/3 frames (33 %)", "warning: one is damaged"]

@@ -37,9 +37,8 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     Bad input ends in one sentence on standard error and exit code 1, Ctrl-C in exit code 130. A job of a multirun that
     fails does not stop the others.
     """
-    warnings.filterwarnings("ignore", module="lightning")
-    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     register_resolvers()
+    quiet_lightning()
     try:
         sys.argv[1:] = as_typed(sys.argv[1:])
     except BadInputError as error:
@@ -48,6 +47,7 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
     def command(config: DictConfig) -> Any:
         register_resolvers()  # a launcher may have started another process
+        quiet_lightning()
         with errors_explained(config):
             return task(config)
 
@@ -67,6 +67,12 @@ def plain_warnings() -> None:
 
     warnings.showwarning = sentence
     warnings.simplefilter("once", InputWarning)
+
+
+def quiet_lightning() -> None:
+    """Leaves out what Lightning says of the hardware and of itself."""
+    warnings.filterwarnings("ignore", module="lightning")
+    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
 @contextmanager

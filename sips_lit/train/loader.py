@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import threading
@@ -84,7 +85,14 @@ class OneStepAhead:
     def __iter__(self) -> Iterator[LabelledPair]:
         """Continues at ``position``."""
         rest = Subset(self.pairs, self.indices[self.position :])
-        stream = iter(DataLoader(rest, batch_size=None, num_workers=self.loading_workers, worker_init_fn=_quiet_worker))
+        loader = DataLoader(
+            rest,
+            batch_size=None,
+            num_workers=self.loading_workers,
+            worker_init_fn=_quiet_worker,
+            multiprocessing_context=_context(self.loading_workers),
+        )
+        stream = iter(loader)
         with _pool(1) as coordinator, _pool(self.labelling_workers) as workers:
 
             def submit(ahead: Points | None = None) -> tuple[Points, tuple[str, ...], Future[LabelledPair]] | None:
@@ -157,6 +165,12 @@ def _step_back() -> None:
     if hasattr(os, "SCHED_IDLE"):
         with contextlib.suppress(OSError):
             os.sched_setscheduler(threading.get_native_id(), os.SCHED_IDLE, os.sched_param(0))
+
+
+def _context(workers: int) -> str | None:
+    """How workers are started where the default way starts none: in a job of the joblib launcher it is joblib's own."""
+    ways = multiprocessing.get_all_start_methods()
+    return None if not workers or multiprocessing.get_start_method() in ways else ways[0]
 
 
 def _quiet_worker(_: int) -> None:

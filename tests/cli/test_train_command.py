@@ -221,7 +221,8 @@ def test_a_sweep_runs_its_jobs_in_folders_of_their_own(command, frames, folders)
 
 
 @pytest.mark.slow
-def test_a_sweep_side_by_side(command, frames, folders, monkeypatch):
+@pytest.mark.parametrize("loading", [0, 1])
+def test_a_sweep_side_by_side(command, frames, folders, monkeypatch, loading):
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="needs the extra sweep")
     from joblib.externals.loky import get_reusable_executor
 
@@ -229,7 +230,8 @@ def test_a_sweep_side_by_side(command, frames, folders, monkeypatch):
     options = "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", f"hydra.sweep.dir={folders}/sweep"
     own = "trainer.precision=${fast_precision:}"  # known in the processes of the launcher, too
     try:
-        result = command("train", "-m", *given(frames, "model.width=4,6", own, *options))
+        loaded = f"datamodule.loading_workers={loading}"
+        result = command("train", "-m", *given(frames, "model.width=4,6", own, loaded, *options))
     finally:
         get_reusable_executor().shutdown(kill_workers=True)
     assert result.code == 0, result.err
