@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -64,9 +65,13 @@ def table(rows: Sequence[Mapping[str, str]]) -> str:
 def how_to_use(dataset: DataSet) -> str:
     """The command that trains on a data set."""
     spec = dataset.spec
-    options = [f"data.{key}={str(value).lower()}" for key, value in dataset.options.items()]
+    options = [shlex.quote(f"data.{key}={_as_key(value)}") for key, value in dataset.options.items()]
     inliers = [] if "klt" in spec.inliers else [f"inliers={spec.inliers[0]}"]
     return " ".join([f"use: sips-train data={spec.kind} data.path={dataset.path}", *options, *inliers, *spec.keys])
+
+
+def _as_key(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def sequence_row(sequence: SequenceReport) -> dict[str, str]:

@@ -17,7 +17,9 @@ VIDEO_SUFFIXES = frozenset(
     | {".ts", ".mts", ".m2ts", ".3gp", ".3g2", ".ogv", ".mxf", ".gif", ".ivf", ".y4m", ".dv"}
     | {".mjpeg", ".mjpg", ".h264", ".264", ".h265", ".265", ".hevc"}  # raw streams
 )
-LEFT_BEHIND = frozenset({"__MACOSX", "@eaDir", "lost+found"})
+LEFT_BEHIND = frozenset(
+    {"__MACOSX", "@eaDir", "#recycle", "$RECYCLE.BIN", "System Volume Information", "lost+found", "__pycache__"}
+)
 SHOWN = 4  # names in a message
 EPOCH_DIGITS = 9  # of a time in seconds since 1970
 _NUMBER = re.compile(r"(\D*)(\d+)(?:\.(\d+))?(\D*)")

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from euroc_files import make_euroc
+from image_files import write_images
 from kitti_files import make_kitti
 from own_dataset import write_walk
 from rgbd_files import write_simple
@@ -188,3 +189,53 @@ def test_every_folder_of_the_shared_data(shared_data):
         "video_clips": "video",
         "visp_cube": "folder",
     }
+
+
+def used(root: Path) -> list[tuple[str, str, dict]]:
+    """What is recommended; each must load, and has no depth map or mask among its frames."""
+    found = recognise(root)
+    for dataset in found:
+        for sequence in dataset.sequences():
+            for i in range(len(sequence)):
+                assert sequence.frame(i).std() > 10
+                assert "depth" not in str(sequence.files[i].relative_to(root))
+                assert "mask" not in str(sequence.files[i].relative_to(root))
+    return [(d.spec.kind, str(d.path.relative_to(root)), dict(d.options)) for d in found]
+
+
+def test_depth_maps_and_masks_are_not_recommended(tmp_path):
+    for name, kind in (("rgb", "colour"), ("depth", "depth"), ("mask", "mask")):
+        write_images(tmp_path / "split" / name, "{:04d}.png", kind)
+    assert used(tmp_path / "split") == [("folder", "rgb", {})]
+    write_images(tmp_path / "flat", "frame{:04d}.jpg", "colour")
+    write_images(tmp_path / "flat", "depth{:04d}.png", "depth")
+    assert used(tmp_path / "flat") == [("folder", ".", {"names": "frame*.jpg"})]
+    for name, size in (("images", (96, 128)), ("images_2", (48, 64))):
+        write_images(tmp_path / "sizes" / name, "{:04d}.png", "colour", size=size)
+    assert used(tmp_path / "sizes") == [("folder", "images", {})]
+    for alone in (tmp_path / "split" / "depth", write_images(tmp_path / "only" / "depth", "{}.png", "depth").parent):
+        with pytest.raises(BadInputError, match="holds no data set that is known here"):
+            recognise(alone)
+    assert used(write_images(tmp_path / "thermal", "{:04d}.png", "depth")) == [("folder", ".", {})]
+
+
+@pytest.mark.parametrize("stray", ["preview.png", ".ipynb_checkpoints/1.png", "__MACOSX/1.png", "@eaDir/1.png"])
+def test_strays_beside_folders_of_frames_and_of_videos(tmp_path, stray):
+    for name in ("a", "b"):
+        write_images(tmp_path / "frames" / name, "{:04d}.png", "colour")
+        lay_out(tmp_path / "clips" / name, ["1.mp4"])
+    lay_out(tmp_path / "frames", [stray])
+    lay_out(tmp_path / "clips", [stray])
+    (dataset,) = recognise(tmp_path / "frames")
+    assert (dataset.path, [len(s) for s in dataset.sequences()]) == (tmp_path / "frames", [6, 6])
+    assert [(d.spec.kind, d.path.name) for d in recognise(tmp_path / "clips")] == [("video", "a"), ("video", "b")]
+
+
+def test_a_stray_video_does_not_replace_frames_nor_previews_videos(tmp_path):
+    write_images(lay_out(tmp_path / "frames", ["preview.mp4"]), "{:04d}.png", "colour")
+    assert [d.spec.kind for d in recognise(tmp_path / "frames")] == ["video", "folder"]
+    lay_out(tmp_path / "clips", ["a.mp4", "b.mp4", "a.jpg", "b.jpg", "more/c.mp4"])
+    assert [(d.spec.kind, d.path.name) for d in recognise(tmp_path / "clips")] == [
+        ("video", "clips"),
+        ("video", "more"),
+    ]
