@@ -14,7 +14,7 @@ from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.ranking import best_keypoints, ranked
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey
-from sips_lit.frames.listing import IMAGE_SUFFIXES
+from sips_lit.frames.listing import images_below
 from sips_lit.progress import progress
 from sips_lit.types import Features, GreyImage, Keypoints, Norm
 
@@ -38,7 +38,7 @@ class PrecomputedDetector(BaseDetector):
             raise BadInputError(
                 f"there is no folder {images} of the images that {features} belongs to: give detector.images"
             )
-        below = sorted(path for path in self.images.rglob("*") if path.suffix.lower() in IMAGE_SUFFIXES)
+        below = sorted(images_below(self.images))
         names = [PurePosixPath(path.relative_to(self.images)) for path in below]
         names = [image for image in names if self.files.has(image)]
         if not names:

@@ -50,6 +50,11 @@ def list_folders(folder: str | Path) -> list[Path]:
     )
 
 
+def images_below(folder: Path) -> list[Path]:
+    """The image files of a folder and of all folders in it, as `list_images` and `list_folders` see them."""
+    return [*list_images(folder), *(image for sub in list_folders(folder) for image in images_below(sub))]
+
+
 def warn_of_others(folder: Path, read: Sequence[Path], kind: str) -> None:
     """Counts and names the files of a folder that are not read as ``kind``."""
     others = sorted({file.name for file in visible_files(folder)} - {file.name for file in read})
