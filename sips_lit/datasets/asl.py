@@ -15,6 +15,7 @@ from sips_lit.datasets.layout import expect, expect_files, listed_file, read_row
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.pose import to_rotation
 from sips_lit.geometry.rectify import LensCamera
+from sips_lit.types import FloatArray
 
 LAYOUT = (
     "the layout of EuRoC is mav0/ with cam0/ (and cam1/), each with sensor.yaml, data.csv and data/*.png, and, where it is "
@@ -88,18 +89,18 @@ def _sensor(file: Path, camera: str) -> dict[str, Any]:
     content = _read_yaml(expect(file, LAYOUT))
     if file.name != "camchain.yaml":
         return content
-    content = content.get(camera)
-    if not isinstance(content, dict):
+    own = content.get(camera)
+    if not isinstance(own, dict):
         raise BadInputError(f"{file} has no {camera}: it is of other cameras")
-    T_camera_body = np.zeros(0)
+    T_camera_body: FloatArray = np.zeros(0)
     with contextlib.suppress(TypeError, ValueError):
-        T_camera_body = np.array(content.get("T_cam_imu"), np.float64)
+        T_camera_body = np.array(own.get("T_cam_imu"), np.float64)
     if T_camera_body.shape != (4, 4) or not np.linalg.cond(T_camera_body) < LARGEST_CONDITION:
         raise BadInputError(f"{file} has no T_cam_imu for {camera}: it should be 4 rows of 4 numbers, a rigid motion")
     T_body_camera = np.linalg.inv(T_camera_body)
     return {
-        **content,
-        "distortion_coefficients": content.get("distortion_coeffs"),
+        **own,
+        "distortion_coefficients": own.get("distortion_coeffs"),
         "T_BS": {"data": T_body_camera.ravel().tolist()},
     }
 

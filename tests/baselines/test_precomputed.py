@@ -1,4 +1,5 @@
 import pickle
+import shutil
 
 import cv2
 import numpy as np
@@ -141,3 +142,14 @@ def test_damaged_and_inconsistent_files(images, features):
         detector.detect(read_grey(images / "a/2.png"), 3)
     with pytest.raises(BadInputError, match=r"b/1\.npz can't be read"):
         detector.detect(read_grey(images / "b/1.png"), 3)
+
+
+def test_hidden_folders_hold_no_images(images, features):
+    for name in ("a/1", "b/1"):
+        np.savez(features / f"{name}.npz", keypoints=XY, scores=SCORES)
+    found = PrecomputedDetector(features, images).image_of
+    assert len(found) == 2
+    for hidden in (".ipynb_checkpoints", "__MACOSX", "a/@eaDir"):
+        shutil.copytree(images / "a", images / hidden / "a")
+        shutil.copytree(features / "a", features / hidden / "a")
+    assert PrecomputedDetector(features, images).image_of == found

@@ -7,11 +7,14 @@ from euroc_files import make_euroc
 from image_files import write_images
 from kitti_files import make_kitti
 from own_dataset import write_walk
-from rgbd_files import write_simple
+from rgbd_files import matrix, write_simple, write_tum
+from rgbd_layouts import write_nerfstudio, write_replica, write_scannet, write_seven_scenes
 from robotcar_files import write_run
 from textured_scenes import flight
 
+from sips_lit.dataset_tools.check import check_sequence
 from sips_lit.dataset_tools.recognise import recognise
+from sips_lit.datasets.tum_rgbd import CALIBRATIONS
 from sips_lit.errors import BadInputError
 
 IMAGE = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
@@ -239,3 +242,53 @@ def test_a_stray_video_does_not_replace_frames_nor_previews_videos(tmp_path):
         ("video", "clips"),
         ("video", "more"),
     ]
+
+
+WITH_DEPTH = {
+    "seven_scenes": write_seven_scenes,
+    "replica": write_replica,
+    "scannet": write_scannet,
+    "nerfstudio": write_nerfstudio,
+    "rgbd": write_simple,
+}
+
+
+@pytest.mark.parametrize("kind", WITH_DEPTH)
+@pytest.mark.parametrize("scenes", [(".",), ("one", "two")])
+def test_layouts_with_colour_and_depth_are_known_and_load(tmp_path, kind, scenes):
+    for scene in scenes:
+        WITH_DEPTH[kind](tmp_path / "some" / scene, 2)
+    lay_out(tmp_path / "some", ["preview.png", ".ipynb_checkpoints/1.png", "__MACOSX/color/1.png"])
+    (dataset,) = recognise(tmp_path / "some")
+    assert (dataset.spec.kind, dataset.path, dataset.options) == (kind, tmp_path / "some", {})
+    sequences = dataset.sequences()
+    assert [len(sequence) for sequence in sequences] == [2] * len(scenes)
+    for sequence in sequences:
+        assert set(sequence_parts(sequence)) >= {"intrinsics", "poses", "depth"}
+
+
+def sequence_parts(sequence) -> dict[str, int]:
+    return check_sequence(sequence).parts
+
+
+@pytest.mark.parametrize("gone", [[], ["rgb.txt", "depth.txt"], ["rgb.txt", "depth.txt", "groundtruth.txt"]])
+def test_tum_rgbd_with_and_without_its_lists(tmp_path, gone):
+    root = write_tum(tmp_path / "rgbd_dataset_freiburg3_made", matrix(*CALIBRATIONS[3][0]), count=2)
+    for name in gone:
+        (root / name).unlink()
+    (dataset,) = recognise(root)
+    (sequence,) = dataset.sequences()
+    assert {file.parent.name for file in sequence.files} == {"rgb"}
+    if len(gone) == 3:
+        assert (dataset.spec.kind, dataset.path) == ("folder", root / "rgb")
+    else:
+        assert dataset.spec.kind == "rgbd"
+        assert sequence_parts(sequence)["poses"] == sequence_parts(sequence)["depth"] == 2
+
+
+def test_colour_and_depth_without_a_table_are_the_colour(tmp_path):
+    for name, kind in (("color", "colour"), ("depth", "depth")):
+        write_images(tmp_path / name, "{:04d}.png", kind)
+    (dataset,) = recognise(tmp_path)
+    assert (dataset.spec.kind, dataset.path) == ("folder", tmp_path / "color")
+    assert len(dataset.sequences()[0]) == 6
