@@ -10,7 +10,7 @@ from typing import Any
 from sips_lit.datasets.layout import describe_place
 from sips_lit.datasets.registry import IMAGES, find_specs
 from sips_lit.datasets.spec import DatasetSpec
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.image_kind import NO_FRAMES, folder_groups, frames_among, group_of, in_folders
 from sips_lit.frames.listing import list_folders, list_images
 from sips_lit.types import ImageSequence
@@ -108,6 +108,9 @@ def _together(path: Path, found: list[DataSet]) -> list[DataSet]:
     conflict = in_folders(folder_groups(plain))
     if conflict:
         dropped = {group.name for group in conflict} - {group.name for group in frames_among(conflict)}
+        said = ", ".join(str(group) for group in conflict if group.name in dropped)
+        if said:
+            warn_input(f"{path}: {said} are taken for depth maps, masks or copies and not for frames")
         return [d for d in found if d.path.parent != path or d.path.name not in dropped]
     alike = all((d.spec, d.options, d.path.parent) == (found[0].spec, found[0].options, path) for d in found)
     if not found or not found[0].spec.family or not alike:

@@ -15,7 +15,7 @@ from sips_lit.datasets.rgbd_sequence import RgbdFrames, read_array
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.files import read_text
-from sips_lit.frames.image_size import image_size
+from sips_lit.frames.image_size import first_size, image_size
 from sips_lit.frames.listing import in_order
 from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.types import Camera, FloatArray, ImageSequence
@@ -102,11 +102,15 @@ def _frames(
     named = [entries[image].get("depth_file_path") for image in images]
     depths = [listed_file(folder, name, table, i) if isinstance(name, str) else None for i, name in enumerate(named)]
     depths = [depth if depth and depth.is_file() else None for depth in depths]
+    size = first_size(images)
+    if size != cameras[0].size:
+        raise BadInputError(
+            f"{table} has a camera of {cameras[0].size[0]}x{cameras[0].size[1]} for {images[0].name}, which is of size "
+            f"{size}: the file must name the images that it is for"
+        )
     first = next(filter(None, depths), None)
-    depth_camera = None
-    if first is not None:
-        size = _array_size(first) if first.suffix == ".npy" else image_size(first)
-        depth_camera = resize_camera(cameras[0], size) if size != cameras[0].size else None
+    own = first and (_array_size(first) if first.suffix == ".npy" else first_size(filter(None, depths)))
+    depth_camera = resize_camera(cameras[0], own) if own and min(own) > 0 and own != size else None
     alike = all(np.array_equal(camera.matrix, cameras[0].matrix) for camera in cameras)
     return RgbdFrames(
         images,
@@ -144,7 +148,7 @@ def _camera(table: Path, image: Path, entry: dict[str, Any]) -> tuple[Camera, tu
         fx, fy, cx, cy = (float(entry[key]) for key in ("fl_x", "fl_y", "cx", "cy"))
         lens = tuple(float(entry.get(key, 0)) for key in keys)
         size = (int(entry["w"]), int(entry["h"])) if "w" in entry and "h" in entry else image_size(image)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise BadInputError(f"{table} lacks the numbers fl_x, fl_y, cx, cy for {image.name}: {error!r}") from error
     if not (np.isfinite([fx, fy, cx, cy, *lens]).all() and min(fx, fy, *size) > 0):
         raise BadInputError(f"{table} has a camera of {image.name} with numbers that are not finite or not positive")

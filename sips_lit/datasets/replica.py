@@ -63,7 +63,7 @@ def _read_camera(file: Path) -> tuple[Camera, float]:
         stored = stored.get("camera", stored)
         fx, fy, cx, cy, scale = (float(stored[key]) for key in ("fx", "fy", "cx", "cy", "scale"))
         size = int(stored["w"]), int(stored["h"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise BadInputError(
             f"{file} must be JSON with the numbers w, h, fx, fy, cx, cy (pixels) and scale (steps of depth in a metre): "
             f"{error!r}"

@@ -12,7 +12,7 @@ from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
-from sips_lit.frames.image_size import image_size
+from sips_lit.frames.image_size import first_size
 from sips_lit.frames.listing import list_images
 from sips_lit.types import Camera, ImageSequence
 
@@ -42,13 +42,11 @@ def _is_scan(folder: Path) -> bool:
 
 def _read(folder: Path) -> RgbdFrames:
     images = list_images(folder / "color")
-    if not images:
-        raise wrong_layout(f"image in {folder / 'color'}", folder / "color", LAYOUT)
     depths = files_there(folder / "depth" / f"{image.stem}.png" for image in images)
     poses = files_there(folder / "pose" / f"{image.stem}.txt" for image in images)
-    size = image_size(images[0])
-    first = next(filter(None, depths), None)
-    depth_size = None if first is None else image_size(first)
+    size, depth_size = first_size(images), first_size(filter(None, depths))
+    if size is None:
+        raise wrong_layout(f"image in {folder / 'color'}", folder / "color", LAYOUT)
     files, depth_camera = [], None
     if depth_size is not None:
         files.append(_intrinsics(folder, "depth"))

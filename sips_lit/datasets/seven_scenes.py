@@ -12,7 +12,7 @@ from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError
-from sips_lit.frames.image_size import image_size
+from sips_lit.frames.image_size import first_size
 from sips_lit.frames.listing import in_order
 from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.types import Camera, ImageSequence
@@ -63,9 +63,8 @@ def _read(folder: Path, intrinsics: Sequence[float], depth_intrinsics: Sequence[
     stems = [image.name.split(".")[0] for image in images]
     depths = files_there(folder / f"{stem}.depth.png" for stem in stems)
     tables = files_there(folder / f"{stem}.pose.txt" for stem in stems)
-    first = next(filter(None, depths), None)
-    camera = _camera("intrinsics", intrinsics, image_size(images[0]))
-    depth_camera = None if first is None else _camera("depth_intrinsics", depth_intrinsics, image_size(first))
+    camera = _camera("intrinsics", intrinsics, first_size(images) or SIZE)
+    depth_camera = _camera("depth_intrinsics", depth_intrinsics, first_size(filter(None, depths)) or SIZE)
     return RgbdFrames(
         images,
         depths,

@@ -143,7 +143,8 @@ def _sequences(root: Path, max_side: int | None, names: str | None) -> list[Imag
         choices = [f"data.path={root / group.name}" for group in frames_among(conflict) or conflict]
         raise BadInputError(
             f"the folders of {root} hold images of different kinds, {_some(conflict)}: give the one with the frames, "
-            f"{' or '.join(choices[:SHOWN])}, or a list of folders; where poses and depth are known, see data=rgbd"
+            f"{' or '.join(choices[:SHOWN])}, or a list of folders; sips-data check {root} tells which data= reads depth "
+            "and poses"
         )
     return [_sequence(sub, own, max_side, f"{root.resolve().name}_{sub.name}") for sub, own in frames.items()]
 
@@ -163,7 +164,8 @@ def _frames(root: Path, images: Sequence[Path], names: str | None) -> list[Path]
             named = [f"data.names={group.name}" for group in frames_among(conflict) or conflict if "*" in group.name]
             way = f"set {' or '.join(named[:SHOWN])} to read these alone, or " if len(conflict) > 1 and named else ""
             raise BadInputError(
-                f"{root} has images of different kinds, {_some(conflict)}: {way}put each kind into a folder of its own"
+                f"{root} has images of different kinds, {_some(conflict)}: {way}put each kind into a folder of its own; "
+                f"sips-data check {root} tells which data= reads depth and poses"
             )
     warn_of_others(root, frames, "frames")
     return frames

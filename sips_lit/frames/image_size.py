@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from PIL import Image, UnidentifiedImageError
@@ -23,3 +24,19 @@ def image_size(path: Path) -> tuple[int, int]:
         return width, height
     except OSError as error:
         raise BadInputError(f"cannot read the image {path}: {error.strerror or error}") from error
+
+
+def first_size(files: Iterable[Path]) -> tuple[int, int] | None:
+    """(W, H) of the first of the files that can be read; None where there are no files.
+
+    Raises BadInputError for the last one where none can be read.
+    """
+    problem: BadInputError | None = None
+    for file in files:
+        try:
+            return image_size(file)
+        except BadInputError as error:
+            problem = error
+    if problem is not None:
+        raise problem
+    return None

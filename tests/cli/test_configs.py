@@ -15,6 +15,7 @@ import rgbd_files
 import rgbd_layouts
 from cli_runs import ROOT
 from hydra import compose, initialize_config_dir
+from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from image_files import write_images
 from omegaconf import OmegaConf
@@ -29,7 +30,6 @@ from sips_lit.cli.evaluation import CHOICE, MEASURED, PAIR_SET
 from sips_lit.cli.methods import make_methods
 from sips_lit.cli.train import comparison
 from sips_lit.dataset_tools.recognise import recognise
-from sips_lit.errors import BadInputError
 from sips_lit.evaluate.measures import Measures
 from sips_lit.frames.source import as_sources
 
@@ -167,7 +167,7 @@ def test_names_of_frames_are_read_as_check_prints_them(tmp_path):
     for name, kind in (("color", "colour"), ("depth", "depth")):
         write_images(tmp_path, f"frame-{{:06d}}.{name}.png", kind)
     (dataset,) = recognise(tmp_path)
-    with pytest.raises(BadInputError, match="different kinds"):
+    with pytest.raises(InstantiationException, match="different kinds"):
         build(composed("train", "data=folder", f"data.path={tmp_path}", "paths.run=x").data)
     _, command, *arguments = shlex.split(how_to_use(dataset))
     assert command == "sips-train"

@@ -15,7 +15,7 @@ from textured_scenes import flight
 from sips_lit.dataset_tools.check import check_sequence
 from sips_lit.dataset_tools.recognise import recognise
 from sips_lit.datasets.tum_rgbd import CALIBRATIONS
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, InputWarning
 
 IMAGE = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
 LAYOUTS = {
@@ -209,7 +209,8 @@ def used(root: Path) -> list[tuple[str, str, dict]]:
 def test_depth_maps_and_masks_are_not_recommended(tmp_path):
     for name, kind in (("rgb", "colour"), ("depth", "depth"), ("mask", "mask")):
         write_images(tmp_path / "split" / name, "{:04d}.png", kind)
-    assert used(tmp_path / "split") == [("folder", "rgb", {})]
+    with pytest.warns(InputWarning, match="6 depth .16-bit grey., 6 mask .8-bit grey. are taken for"):
+        assert used(tmp_path / "split") == [("folder", "rgb", {})]
     write_images(tmp_path / "flat", "frame{:04d}.jpg", "colour")
     write_images(tmp_path / "flat", "depth{:04d}.png", "depth")
     assert used(tmp_path / "flat") == [("folder", ".", {"names": "frame*.jpg"})]

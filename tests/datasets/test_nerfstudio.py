@@ -134,6 +134,8 @@ def test_images_that_are_missing(tmp_path):
         ({"fl_x": None}, "lacks the numbers fl_x"),
         ({"fl_y": -1.0}, "not positive"),
         ({"k1": float("inf")}, "not finite"),
+        ({"w": float("inf")}, "lacks the numbers"),
+        ({"w": 10**8, "h": 10**8, "k1": 0.1}, "camera of 100000000x100000000 for frame_00001.png, which is of size"),
         ({"frames": {}}, "no list of frames"),
         ({"frames": [1]}, "frame 0 of .* has no file_path"),
         ({"frames": []}, "no two images of one camera"),

@@ -72,9 +72,9 @@ def test_scenes_and_their_sequences(tmp_path):
 
 def test_a_damaged_depth_map(tmp_path):
     folder = write_seven_scenes(tmp_path)
-    (folder / "frame-000001.depth.png").write_bytes(b"nothing")
+    (folder / "frame-000000.depth.png").write_bytes(b"nothing")
     write_image(folder / "frame-000002.depth.png", np.ones((6, 8), np.uint16))
     (sequence,) = seven_scenes(folder)
-    for index, message in ((1, "damaged"), (2, "is 8x6, but its image is 160x120")):
+    for index, message in ((0, "damaged"), (2, "is 8x6, but its image is 160x120")):
         with pytest.raises(BadInputError, match=message):
             sequence.depth(index)
