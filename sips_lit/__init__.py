@@ -11,9 +11,13 @@ if TYPE_CHECKING:
     from sips_lit.datasets.euroc import euroc as euroc
     from sips_lit.datasets.hpatches import hpatches as hpatches
     from sips_lit.datasets.kitti import kitti as kitti
+    from sips_lit.datasets.nerfstudio import nerfstudio as nerfstudio
     from sips_lit.datasets.posed_depth import posed_depth as posed_depth
+    from sips_lit.datasets.replica import replica as replica
     from sips_lit.datasets.rgbd import rgbd as rgbd
     from sips_lit.datasets.robotcar import robotcar as robotcar
+    from sips_lit.datasets.scannet import scannet as scannet
+    from sips_lit.datasets.seven_scenes import seven_scenes as seven_scenes
     from sips_lit.datasets.spec import DatasetSpec as DatasetSpec
     from sips_lit.datasets.spec import any_of as any_of
     from sips_lit.datasets.spec import at_least as at_least
@@ -101,6 +105,10 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "datasets.tum_mono": ("tum_mono",),
     "datasets.robotcar": ("robotcar",),
     "datasets.rgbd": ("rgbd",),
+    "datasets.seven_scenes": ("seven_scenes",),
+    "datasets.replica": ("replica",),
+    "datasets.scannet": ("scannet",),
+    "datasets.nerfstudio": ("nerfstudio",),
     "datasets.posed_depth": ("posed_depth",),
     "datasets.hpatches": ("hpatches",),
     "datasets.virtual_flight": ("virtual_flight",),

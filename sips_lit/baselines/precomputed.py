@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sips_lit.detect.base import BaseDetector, best_keypoints
 from sips_lit.errors import BadInputError, import_extra
 from sips_lit.frames.images import read_grey
-from sips_lit.frames.listing import IMAGE_SUFFIXES
+from sips_lit.frames.listing import images_below
 from sips_lit.progress import progress
 from sips_lit.types import Features, GreyImage, Keypoints, Norm
 
@@ -40,8 +40,7 @@ class PrecomputedDetector(BaseDetector):
             raise BadInputError(
                 f"there is no folder {images} of the images that {features} belongs to: give detector.images"
             )
-        below = sorted(path for path in self.images.rglob("*") if path.suffix.lower() in IMAGE_SUFFIXES)
-        every = [PurePosixPath(path.relative_to(self.images)) for path in below]
+        every = [PurePosixPath(path.relative_to(self.images)) for path in sorted(images_below(self.images))]
         names = [image for image in every if self.files.has(image)]
         if not names:
             example = f", such as {every[0]}" if every else ""

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from sips_lit.datasets.layout import describe_place
-from sips_lit.datasets.registry import find_specs
+from sips_lit.datasets.registry import IMAGES, find_specs
 from sips_lit.datasets.spec import DatasetSpec
-from sips_lit.errors import BadInputError
-from sips_lit.frames.listing import list_folders
+from sips_lit.errors import BadInputError, warn_input
+from sips_lit.frames.image_kind import NO_FRAMES, folder_groups, frames_among, group_of, in_folders
+from sips_lit.frames.listing import list_folders, list_images
 from sips_lit.types import ImageSequence
 
 ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".7z", ".bag")
@@ -43,7 +44,7 @@ def recognise(path: Path) -> list[DataSet]:
     Raises BadInputError where nothing is there, or nothing that any loader reads.
     """
     specs = find_specs()
-    found = _recognise(path, specs, DEPTH) if path.exists() else []
+    found = [d for d in _recognise(path, specs, DEPTH) if not _is_depth(d)] if path.exists() else []
     if not found:
         packed = sorted(p.name for p in path.iterdir() if p.suffix in ARCHIVES) if path.is_dir() else []
         first = f"unpack {packed[0]} first, or " if packed else ""
@@ -54,17 +55,39 @@ def recognise(path: Path) -> list[DataSet]:
     return found
 
 
+def _is_depth(dataset: DataSet) -> bool:
+    """Whether a folder of images has nothing but depth maps, by its name and their bits."""
+    folders = dataset.parts or (dataset.path,) if dataset.spec is IMAGES else ()
+    groups = [group_of(folder.resolve().name, list_images(folder)) for folder in folders]
+    return bool(groups) and all(group.words & NO_FRAMES and min(group.bits, default=8) > 8 for group in groups)
+
+
 def _recognise(path: Path, specs: Sequence[DatasetSpec], depth: int) -> list[DataSet]:
     own = _first(path, (spec for spec in specs if not spec.rank))
     if own:
         return own
     folders = list_folders(path) if depth and path.is_dir() else []
     below = [dataset for folder in folders for dataset in _recognise(folder, specs, depth - 1)]
-    if all(dataset.spec.rank for dataset in below):  # else images and videos here are strays
-        loose = _first(path, (spec for spec in specs if spec.rank))
-        if loose:
-            return loose
-    return _together(path, below)
+    if any(not dataset.spec.rank for dataset in below):  # then images and videos here are strays
+        return _together(path, below)
+    loose = [dataset for spec in specs if spec.rank for dataset in _first(path, [spec])]
+    return _without_strays(loose, below) or _together(path, below)
+
+
+def _without_strays(loose: list[DataSet], below: list[DataSet]) -> list[DataSet]:
+    """Videos and images here and those in folders, by counts: nothing where those here are fewer images.
+
+    Images are strays beside as many videos, their previews, and beside a folder of more images. A single one is no sequence.
+    """
+    images = next((dataset for dataset in loose if dataset.spec is IMAGES), None)
+    others = [dataset for dataset in loose if dataset is not images]
+    videos = sum(len(dataset.spec.videos(dataset.path)) for dataset in [*others, *below] if dataset.spec.videos)
+    most = max((len(list_images(dataset.path)) for dataset in below if dataset.spec is IMAGES), default=0)
+    count = len(list_images(images.path)) if images else 0
+    if images and (count > videos or not videos) and count >= most:
+        below = [dataset for dataset in below if dataset.spec is not IMAGES]
+        return [*others, images, *below]
+    return [*others, *below] if others else []
 
 
 def _first(path: Path, specs: Iterable[DatasetSpec]) -> list[DataSet]:
@@ -77,7 +100,18 @@ def _first(path: Path, specs: Iterable[DatasetSpec]) -> list[DataSet]:
 
 
 def _together(path: Path, found: list[DataSet]) -> list[DataSet]:
-    """The data sets in the folders of ``path``; as one, if they are sequences that one loader takes as a whole."""
+    """The data sets in the folders of ``path``; as one, if they are sequences that one loader takes as a whole.
+
+    Of folders of images those of the frames, where depth maps or masks are beside them.
+    """
+    plain = {d.path.name: list_images(d.path) for d in found if d.spec is IMAGES and d.path.parent == path}
+    conflict = in_folders(folder_groups(plain))
+    if conflict:
+        dropped = {group.name for group in conflict} - {group.name for group in frames_among(conflict)}
+        said = ", ".join(str(group) for group in conflict if group.name in dropped)
+        if said:
+            warn_input(f"{path}: {said} are taken for depth maps, masks or copies and not for frames")
+        return [d for d in found if d.path.parent != path or d.path.name not in dropped]
     alike = all((d.spec, d.options, d.path.parent) == (found[0].spec, found[0].options, path) for d in found)
     if not found or not found[0].spec.family or not alike:
         return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,15 @@ from sips_lit.datasets.layout import expect, expect_files, listed_file, read_row
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.pose import to_rotation
 from sips_lit.geometry.rectify import LensCamera
+from sips_lit.types import FloatArray
 
 LAYOUT = (
     "the layout of EuRoC is mav0/ with cam0/ (and cam1/), each with sensor.yaml, data.csv and data/*.png, and, where it is "
-    "known, state_groundtruth_estimate0/data.csv"
+    "known, state_groundtruth_estimate0/data.csv (TUM-VI: mocap0/data.csv)"
 )
+
+
+LARGEST_CONDITION = 1e6  # of a rigid motion with lengths in metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,29 +42,67 @@ class States:
     T_world_body: NDArray[np.float64]
 
 
-def read_sensor(file: Path) -> tuple[LensCamera, NDArray[np.float64]]:
-    """The camera of a sensor.yaml and ``T_body_camera`` (4, 4).
+def sensor_file(camera: Path) -> Path:
+    """Where the folder of a camera has its calibration: ``sensor.yaml``, or Kalibr's for all cameras, as TUM-VI has it."""
+    chain = camera.parent.parent / "dso" / "camchain.yaml"
+    own = camera / "sensor.yaml"
+    return chain if chain.exists() and not own.exists() else own
+
+
+def read_sensor(file: Path, camera: str = "cam0") -> tuple[LensCamera, NDArray[np.float64]]:
+    """The lens of a sensor.yaml, or of ``camera`` in a camchain.yaml, and ``T_body_camera`` (4, 4).
 
     Raises BadInputError when a key is missing or not as it should be, or the lens model is another one.
     """
-    sensor = _read_yaml(expect(file, LAYOUT))
+    sensor = _sensor(file, camera)
     model = (sensor.get("camera_model"), sensor.get("distortion_model"))
-    if model not in (("pinhole", "radial-tangential"), ("pinhole", "radtan")):
+    if model[0] != "pinhole" or model[1] not in ("radial-tangential", "radtan", "equidistant"):
         raise BadInputError(
-            f"{file} has camera_model {model[0]} with distortion_model {model[1]}: only pinhole with radial-tangential "
-            "can be read"
+            f"{file} has camera_model {model[0]} with distortion_model {model[1]}: only pinhole with radial-tangential or "
+            "equidistant can be rectified; data.rectify=false reads the images as they are"
         )
     fx, fy, cx, cy = _numbers(sensor, "intrinsics", (4,), file)
+    equidistant = model[1] == "equidistant"
+    distortion = _numbers(sensor, "distortion_coefficients", (4,) if equidistant else (4, 5), file)
+    size, T = read_mounting(file, camera)
+    if min(fx, fy) <= 0:
+        raise BadInputError(f"{file} has a focal length that is not positive")
+    return LensCamera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), distortion, size, equidistant), T
+
+
+def read_mounting(file: Path, camera: str = "cam0") -> tuple[tuple[int, int], NDArray[np.float64]]:
+    """The size (W, H) of the images and ``T_body_camera`` (4, 4) of a file as in `read_sensor`, whatever the lens.
+
+    Raises BadInputError when a key is missing or not as it should be.
+    """
+    sensor = _sensor(file, camera)
     width, height = _numbers(sensor, "resolution", (2,), file)
-    distortion = _numbers(sensor, "distortion_coefficients", (4, 5), file)
     extrinsics = sensor.get("T_BS")
     T = _numbers(extrinsics if isinstance(extrinsics, dict) else {}, "data", (16,), file).reshape(4, 4)
-    if min(fx, fy, width, height) <= 0 or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-2:
-        raise BadInputError(
-            f"{file} has a focal length or size that is not positive, or a T_BS that is no rigid motion"
-        )
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    return LensCamera(matrix, distortion, (int(width), int(height))), T
+    if min(width, height) <= 0 or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-2:
+        raise BadInputError(f"{file} has a size that is not positive, or a T_BS that is no rigid motion")
+    return (int(width), int(height)), T
+
+
+def _sensor(file: Path, camera: str) -> dict[str, Any]:
+    """The keys of a sensor.yaml; those of a camchain.yaml (Kalibr) under the same names."""
+    content = _read_yaml(expect(file, LAYOUT))
+    if file.name != "camchain.yaml":
+        return content
+    own = content.get(camera)
+    if not isinstance(own, dict):
+        raise BadInputError(f"{file} has no {camera}: it is of other cameras")
+    T_camera_body: FloatArray = np.zeros(0)
+    with contextlib.suppress(TypeError, ValueError):
+        T_camera_body = np.array(own.get("T_cam_imu"), np.float64)
+    if T_camera_body.shape != (4, 4) or not np.linalg.cond(T_camera_body) < LARGEST_CONDITION:
+        raise BadInputError(f"{file} has no T_cam_imu for {camera}: it should be 4 rows of 4 numbers, a rigid motion")
+    T_body_camera = np.linalg.inv(T_camera_body)
+    return {
+        **own,
+        "distortion_coefficients": own.get("distortion_coeffs"),
+        "T_BS": {"data": T_body_camera.ravel().tolist()},
+    }
 
 
 def read_timed_images(camera: Path) -> TimedImages:

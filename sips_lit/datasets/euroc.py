@@ -1,7 +1,11 @@
-"""EuRoC MAV: stereo from a drone with true poses (Burri et al., IJRR 2016), rectified as it is read."""
+"""EuRoC MAV: stereo from a drone with true poses (Burri et al., IJRR 2016), rectified as it is read.
+
+TUM-VI (Schubert et al., IROS 2018) has the same layout, equidistant lenses, 16-bit images, and poses in mocap0.
+"""
 
 from __future__ import annotations
 
+import functools
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,14 +13,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.asl import LAYOUT, read_sensor, read_states, read_timed_images
+from sips_lit.datasets.asl import LAYOUT, read_mounting, read_sensor, read_states, read_timed_images, sensor_file
 from sips_lit.datasets.layout import expect_size, files_fingerprint, wrong_layout
 from sips_lit.datasets.measured import MeasuredSequence, joined_in_time
 from sips_lit.datasets.spec import DatasetSpec, any_of
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.files import safe_name
 from sips_lit.frames.image_cache import image_cache
-from sips_lit.frames.images import check_max_side, read_grey, resize_max_side, shrunk_size
+from sips_lit.frames.image_size import image_size
+from sips_lit.frames.images import check_max_side, read_grey, read_values, resize_max_side, shrunk_size
+from sips_lit.frames.listing import LEFT_BEHIND
+from sips_lit.frames.span import Span, find_span
 from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.geometry.rectify import Rectifier, rectify_mono, rectify_stereo
 from sips_lit.types import FloatArray, GreyImage, ImageSequence
@@ -37,14 +44,23 @@ class EurocSequence(MeasuredSequence):
         self, mav0: Path, name: str, rectify: bool, tolerance: float, max_side: int | None, cache_dir: str | Path | None
     ) -> None:
         left = read_timed_images(mav0 / "cam0")
-        lens, T_body_camera = read_sensor(mav0 / "cam0" / "sensor.yaml")
+        sensor = sensor_file(mav0 / "cam0")
         self.name, self.max_side, self.files, self._times = safe_name(name), max_side, left.files, left.times * 1e-9
-        self.size = lens.size  # as stored
-        read = [mav0 / "cam0" / "sensor.yaml", mav0 / "cam0" / "data.csv", *left.files]
+        read = [*([sensor] if rectify or sensor.exists() else []), mav0 / "cam0" / "data.csv", *left.files]
+        T_body_camera: FloatArray | None = None
+        if rectify:
+            lens, T_body_camera = read_sensor(sensor, "cam0")
+            self.size = lens.size  # as stored
+        elif sensor.exists():
+            self.size, T_body_camera = read_mounting(sensor, "cam0")
+        else:
+            warn_input(f"there is no {sensor}: where the camera is on the body is not known, and so no pose")
+            self.size = image_size(left.files[0])
         self._rectifier: Rectifier | None = None
         self._partners: list[Path | None] = [None] * len(left.files)
-        if rectify and (mav0 / "cam1").is_dir():
-            right_lens, T_body_right = read_sensor(mav0 / "cam1" / "sensor.yaml")
+        if T_body_camera is not None and rectify and (mav0 / "cam1").is_dir():
+            right_sensor = sensor_file(mav0 / "cam1")
+            right_lens, T_body_right = read_sensor(right_sensor, "cam1")
             if right_lens.size != lens.size:
                 raise BadInputError(
                     f"the cameras of {mav0} have images of {lens.size} and {right_lens.size}: no stereo pair"
@@ -54,16 +70,17 @@ class EurocSequence(MeasuredSequence):
             right = read_timed_images(mav0 / "cam1")
             self._partners = joined_in_time(left.times, right.times, right.files, NANOSECONDS * tolerance)
             self._warn_of(self._partners, "right image", tolerance)
-            read += [mav0 / "cam1" / "sensor.yaml", mav0 / "cam1" / "data.csv", *right.files]
+            read += [right_sensor, mav0 / "cam1" / "data.csv", *right.files]
         elif rectify:
             self._rectifier = rectify_mono(lens)
         if self._rectifier is not None:
             self._camera = resize_camera(self._rectifier.camera, shrunk_size(self.size, max_side))
-        truth = mav0 / "state_groundtruth_estimate0" / "data.csv"
-        if truth.exists():
+        truths = (mav0 / place / "data.csv" for place in ("state_groundtruth_estimate0", "mocap0"))
+        truth = next((table for table in truths if table.exists()), None)
+        if truth is not None and T_body_camera is not None:
             read.append(truth)
             self._poses = self._poses_from(truth, left.times, T_body_camera, tolerance)
-        self.fingerprint = files_fingerprint(read, "euroc 1", rectify, tolerance, max_side)
+        self.fingerprint = files_fingerprint(read, "euroc 2", rectify, tolerance, max_side)
         self._kept = image_cache(cache_dir if rectify else None, self.name, self.fingerprint)
 
     def frame(self, index: int) -> GreyImage:
@@ -78,8 +95,13 @@ class EurocSequence(MeasuredSequence):
             None if file is None else self._kept(f"cam1_{file.stem}", lambda: self._read(file, self._right_rectifier))
         )
 
+    @functools.cached_property
+    def _span(self) -> Span:
+        """Which 16-bit values become 0 to 255: one span for all images, right ones, too."""
+        return find_span(len(self), lambda index: read_values(self.files[index]))
+
     def _read(self, file: Path, rectifier: Rectifier | None) -> GreyImage:
-        image = read_grey(file)
+        image = read_grey(file, self._span)
         expect_size(image, self.size, str(file), "its sensor.yaml says")
         return resize_max_side(image if rectifier is None else rectifier(image), self.max_side)
 
@@ -135,7 +157,9 @@ def _sequence_folders(path: Path) -> dict[str, Path]:
     if (path / "cam0").is_dir():
         return {path.parent.name: path}
     for pattern in ("mav0", "[!.]*/mav0", "[!.]*/[!.]*/mav0"):  # a sequence; several; rooms of several
-        found = [mav0.parent for mav0 in sorted(path.glob(pattern)) if mav0.is_dir() and "__MACOSX" not in mav0.parts]
+        found = [
+            mav0.parent for mav0 in sorted(path.glob(pattern)) if mav0.is_dir() and not LEFT_BEHIND & set(mav0.parts)
+        ]
         if found:
             return {"_".join(folder.relative_to(path).parts) or path.name: folder / "mav0" for folder in found}
     raise wrong_layout(f"mav0 in {path} or in its folders", path, LAYOUT)

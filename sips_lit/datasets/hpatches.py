@@ -29,7 +29,7 @@ LAYOUT = (
     "H_1_2 to H_1_6"
 )
 IMAGES = range(1, 7)
-SUFFIXES = (".ppm", ".png")
+SUFFIXES = (".ppm", ".png", ".jpg", ".jpeg")  # the first that is there: others are copies of the published .ppm
 PREFIX = {"viewpoint": "v_", "illumination": "i_"}
 TYPICAL = (800, 640)  # (W, H) of an image
 LARGEST_CONDITION = 1e6  # of a homography between unit squares

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -57,7 +58,8 @@ class KittiSequence(MeasuredSequence, FolderSequence):
         self._right: FolderSequence | None = None
         right_folder = folder / f"image_{number + 1}"
         if right_folder.is_dir() and number + 1 in projections:
-            partners = [right_folder / file.name for file in self.files]
+            there = {file.stem: file for file in list_images(right_folder)}
+            partners = [there.get(file.stem, right_folder / file.name) for file in self.files]
             hint = f"download {right_folder.name} whole, or remove it to do without stereo"
             expect_files(partners, "right images", hint)
             self._right = FolderSequence(right_folder, partners, max_side)
@@ -175,6 +177,9 @@ def _sequences_below(path: Path) -> tuple[Path, ...]:
 def _images(folder: Path, number: int) -> list[Path]:
     place = folder / f"image_{number}"
     files = list_images(place) if place.is_dir() else []
+    twice = [a.name for a, b in itertools.pairwise(files) if a.stem == b.stem]
+    if twice:
+        raise BadInputError(f"{place} has {len(twice)} images twice, the first is {twice[0]}: keep one format of each")
     if len(files) >= 2:
         return files
     if not files and (folder / f"image_{2 - number}").is_dir():
@@ -193,7 +198,9 @@ def _number(file: Path) -> int:
 
 
 def _colour_alone(path: Path) -> dict[str, bool]:
-    grey, colour = (any_of(*(f"{place}image_{n}/*.png" for place in ("", *PLACES)))(path) for n in (0, 2))
+    grey, colour = (
+        any_of(*(f"{place}image_{n}/*.{s}" for place in ("", *PLACES) for s in ("png", "jpg")))(path) for n in (0, 2)
+    )
     return {"colour": True} if colour and not grey else {}
 
 

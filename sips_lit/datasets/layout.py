@@ -33,6 +33,11 @@ def expect_files(files: Sequence[Path], what: str, hint: str) -> None:
         raise BadInputError(f"{len(absent)} of {len(files)} {what} are missing, the first is {absent[0]}: {hint}")
 
 
+def files_there(files: Iterable[Path]) -> list[Path | None]:
+    """The files, None for each that is missing."""
+    return [file if file.is_file() else None for file in files]
+
+
 def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
     """The file of ``folder`` that a line of a table names. Raises BadInputError when the name leads out of the folder."""
     path = PurePath(name.replace("\\", "/"))
@@ -133,12 +138,41 @@ def read_pose_rows(path: Path) -> NDArray[np.float64]:
     lines = [line for line, _ in read_rows(path)]
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = rows.reshape(-1, 3, 4)
-    R = poses[:, :3, :3]
-    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
-    wrong = np.flatnonzero((off > 1e-2) | (np.linalg.det(R) < 0))
+    wrong = np.flatnonzero(~_are_rotations(poses[:, :3, :3]))
     if len(wrong):
         raise BadInputError(f"line {lines[wrong[0]]} of {path} is no pose: its 3x3 part is not a rotation")
     return poses
+
+
+def read_pose_file(path: Path) -> NDArray[np.float64] | None:
+    """The pose (4, 4) of a text file with its four rows of ``T_world_camera``; None where it is said to be unknown.
+
+    Unknown is what has numbers that are not finite, as where tracking was lost. Raises BadInputError for what is no pose.
+    """
+    rows = [fields for _, fields in read_rows(path)]
+    try:
+        pose = np.array(rows, np.float64)
+    except ValueError:
+        pose = np.zeros(0)
+    if pose.shape == (4, 4) and not np.isfinite(pose).all():
+        return None
+    return check_pose(pose, str(path))
+
+
+def check_pose(pose: NDArray[np.float64], what: str) -> NDArray[np.float64]:
+    """The pose (4, 4) itself. Raises BadInputError, which calls it ``what``, where it is no rigid motion."""
+    whole = pose.shape == (4, 4) and np.isfinite(pose).all() and np.array_equal(pose[3], [0, 0, 0, 1])
+    if not whole or not _are_rotations(pose[None, :3, :3])[0]:
+        raise BadInputError(
+            f"{what} is no pose: it must be 4 rows of 4 numbers, a rotation, a place, and 0 0 0 1 below"
+        )
+    return pose
+
+
+def _are_rotations(R: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the matrices (N, 3, 3) are rotations, about."""
+    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
+    return np.asarray((off <= 1e-2) & (np.linalg.det(R) > 0))
 
 
 def files_fingerprint(files: Iterable[Path], *options: object) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 from sips_lit import datasets
 from sips_lit.datasets.spec import DatasetSpec
 from sips_lit.errors import BadInputError
-from sips_lit.frames.folder import folder
+from sips_lit.frames.folder import folder, names_of_frames
 from sips_lit.frames.listing import VIDEO_SUFFIXES, list_images
 from sips_lit.frames.video import find_videos, video
 
@@ -38,7 +38,22 @@ def count_videos(path: Path) -> str | None:
 
 
 VIDEOS = DatasetSpec(kind="video", title="video", loader=video, signs=(count_videos,), rank=1, videos=find_videos)
-IMAGES = DatasetSpec(kind="folder", title="folder of images", loader=folder, signs=(count_images,), rank=2, family=True)
+
+
+def _names_there(path: Path) -> dict[str, str]:
+    names = names_of_frames(path)
+    return {"names": names} if names else {}
+
+
+IMAGES = DatasetSpec(
+    kind="folder",
+    title="folder of images",
+    loader=folder,
+    signs=(count_images,),
+    rank=2,
+    options=_names_there,
+    family=True,
+)
 
 
 def find_specs() -> list[DatasetSpec]:

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import re
-import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from sips_lit.datasets.layout import expect, read_pose_rows, wrong_layout
-from sips_lit.datasets.rgbd_sequence import RgbdFrames, RgbdSequence
-from sips_lit.datasets.spec import DatasetSpec, at_least
+from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.rgbd_sequence import RgbdFrames
+from sips_lit.datasets.spec import DatasetSpec, any_of, at_least
 from sips_lit.datasets.tum_rgbd import read_tum
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import check_max_side
-from sips_lit.frames.listing import list_folders, list_images
+from sips_lit.frames.listing import list_images
 from sips_lit.types import Camera, ImageSequence
 
 LAYOUT = (
@@ -44,25 +43,18 @@ def rgbd(
     check_max_side(max_side)
     if not tolerance >= 0:
         raise BadInputError(f"data.tolerance is {tolerance}: it must be a time in seconds")
-    root = Path(path)
-    if _is_sequence(root):
-        folders = {root.resolve().name: root}
-    else:
-        below = list_folders(root) if root.is_dir() else []
-        folders = {f"{root.resolve().name}_{p.name}": p for p in below if _is_sequence(p)}
-    if not folders:
-        raise wrong_layout(f"RGB-D sequence at {root}", root, LAYOUT)
-    sequences: list[ImageSequence] = []
-    for name, folder in folders.items():
-        tum = (folder / "rgb.txt").exists()
-        frames = read_tum(folder, tolerance, intrinsics) if tum else read_simple(folder)
-        frames = _without_incomplete(folder, frames, drop_incomplete)
-        sequences.append(RgbdSequence(folder, name, frames, max_side))
-    return sequences
+
+    def read(folder: Path) -> RgbdFrames:
+        tum = (folder / "rgb.txt").exists() or not (folder / "color").is_dir()
+        return read_tum(folder, tolerance, intrinsics) if tum else read_simple(folder)
+
+    folders = sequence_folders(Path(path), _is_sequence, "RGB-D sequence", LAYOUT)
+    return rgbd_sequences(folders, read, max_side, drop_incomplete)
 
 
 def _is_sequence(folder: Path) -> bool:
-    return (folder / "rgb.txt").is_file() or (folder / "color").is_dir()
+    plain = (folder / "rgb").is_dir() and (folder / "groundtruth.txt").is_file()
+    return (folder / "rgb.txt").is_file() or (folder / "color").is_dir() or plain
 
 
 def read_simple(folder: Path) -> RgbdFrames:
@@ -112,31 +104,10 @@ def _read_camera(file: Path) -> tuple[Camera, float]:
     return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), size), unit
 
 
-def _without_incomplete(folder: Path, frames: RgbdFrames, drop: bool) -> RgbdFrames:
-    """Counts the frames without depth or pose in a warning, and leaves them out if asked to."""
-    depthless, poseless = (sum(part is None for part in parts) for parts in (frames.depths, frames.poses))
-    if not depthless and not poseless:
-        return frames
-    fate = (
-        "they are left out" if drop else "pairs with them have no pose and depth (data.drop_incomplete=true drops them)"
-    )
-    warnings.warn(
-        f"of {len(frames.images)} images of {folder} {depthless} have no depth map and {poseless} no pose of their time: "
-        f"{fate}",
-        stacklevel=3,
-    )
-    if not drop:
-        return frames
-    parts = zip(frames.depths, frames.poses, strict=True)
-    kept = [i for i, (depth, pose) in enumerate(parts) if depth is not None and pose is not None]
-    if len(kept) < 2:
-        raise BadInputError(f"only {len(kept)} images of {folder} have a depth map and a pose: nothing can be paired")
-    return replace(
-        frames,
-        images=[frames.images[i] for i in kept],
-        depths=[frames.depths[i] for i in kept],
-        poses=[frames.poses[i] for i in kept],
-        times=None if frames.times is None else [frames.times[i] for i in kept],
+def _simple(path: Path) -> str | None:
+    """The sign: two of its parts; colour and depth alone may be anything."""
+    return (
+        at_least(2, "color", "depth", "poses.txt", "cam.json")(path) if any_of("poses.txt", "cam.json")(path) else None
     )
 
 
@@ -145,8 +116,9 @@ SPEC = DatasetSpec(
     title="RGB-D with poses",
     loader=rgbd,
     signs=(
-        at_least(2, "color", "depth", "poses.txt", "cam.json"),
+        _simple,
         at_least(2, "rgb.txt", "depth.txt", "groundtruth.txt"),
+        at_least(3, "rgb", "depth", "groundtruth.txt"),
     ),
     family=True,
     has=("intrinsics", "poses", "depth"),

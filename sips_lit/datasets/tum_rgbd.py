@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import expect, listed_file, read_rows, read_table, to_numbers
+from sips_lit.datasets.layout import expect, listed_file, read_rows, read_table, to_numbers, wrong_layout
 from sips_lit.datasets.measured import joined_in_time
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.errors import BadInputError
 from sips_lit.frames.image_size import image_size
+from sips_lit.frames.listing import list_images
 from sips_lit.geometry.pose import to_rotation
 from sips_lit.types import Camera, FloatArray
 
@@ -32,37 +33,57 @@ CALIBRATIONS: dict[int, tuple[tuple[float, ...], tuple[float, ...] | None]] = {
 def read_tum(folder: Path, tolerance: float, intrinsics: Sequence[float] | None = None) -> RgbdFrames:
     """Every image of ``rgb.txt`` with the depth map and the pose nearest in time, None beyond ``tolerance`` seconds.
 
+    Where a list is missing, the images of ``rgb`` and ``depth`` are named by their times. Without ``groundtruth.txt`` no
+    pose is known.
+
     ``intrinsics`` (fx, fy, cx, cy) are of images without distortion; None takes the published calibration of the camera
     that the folder's name tells. Raises BadInputError for a missing file, and where no image has a depth map or none has
     a pose.
     """
-    tables = [expect(folder / name, LAYOUT) for name in ("rgb.txt", "depth.txt", "groundtruth.txt")]
-    times, images = _read_list(tables[0])
-    depth_times, depths = _read_list(tables[1])
-    truth = read_table(tables[2], 8)
+    times, images, tables = _read_list(folder / "rgb.txt")
+    depth_times, depths, more = _read_list(folder / "depth.txt")
     own_depths = joined_in_time(times, depth_times, depths, tolerance + ROUNDING)
-    own_poses = joined_in_time(times, truth[:, 0], _poses(truth, tables[2]), tolerance + ROUNDING)
-    for parts, what, other in ((own_depths, tables[1], depth_times), (own_poses, tables[2], truth[:, 0])):
+    own_poses: list[FloatArray | None] = [None] * len(images)
+    joined: list[tuple[Sequence[object], Path, FloatArray]] = [(own_depths, folder / "depth.txt", depth_times)]
+    if (table := folder / "groundtruth.txt").exists():
+        truth = read_table(table, 8)
+        own_poses = joined_in_time(times, truth[:, 0], _poses(truth, table), tolerance + ROUNDING)
+        joined.append((own_poses, table, truth[:, 0]))
+        more.append(table)
+    for parts, what, other in joined:
         if all(part is None for part in parts):
             raise BadInputError(
                 f"{what} does not overlap in time with rgb.txt: it has {other.min():.3f} to {other.max():.3f} s, the images "
                 f"{times.min():.3f} to {times.max():.3f} s, and none is within {tolerance:g} s"
             )
     camera, distortion = _calibration(folder, images[0], intrinsics)
-    return RgbdFrames(images, own_depths, own_poses, times.tolist(), camera, distortion, METRES_A_STEP, tables)
+    return RgbdFrames(
+        images, own_depths, own_poses, times.tolist(), camera, distortion, METRES_A_STEP, [*tables, *more]
+    )
 
 
-def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path]]:
-    """Times (N,) and files of a list. Raises BadInputError for a line that is neither, and a file that is missing."""
+def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path], list[Path]]:
+    """Times (N,) and files of a list, and what was read; without one those of the folder of its name, by the files' names.
+
+    Raises BadInputError for a line that is neither, and a file that is missing.
+    """
+    folder = table.with_suffix("")
+    if not table.exists() and folder.is_dir() and (images := list_images(folder)):
+        try:
+            return np.array([float(image.stem) for image in images]), images, []
+        except ValueError as error:
+            raise wrong_layout(
+                f"{table}, and the images of {folder} are not named by their times", folder, LAYOUT
+            ) from error
     times, files = [], []
-    for line, fields in read_rows(table):
+    for line, fields in read_rows(expect(table, LAYOUT)):
         if len(fields) != 2:
             raise BadInputError(f"line {line} of {table} must be a time and a file, not {len(fields)} words")
         times += to_numbers(table, line, fields[:1])
         files.append(expect(listed_file(table.parent, fields[1], table, line), LAYOUT))
     if not files:
         raise BadInputError(f"{table} names no file: it is empty or was not downloaded whole")
-    return np.array(times), files
+    return np.array(times), files, [table]
 
 
 def _poses(truth: FloatArray, table: Path) -> NDArray[np.float64]:

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.files import safe_name
+from sips_lit.frames.image_kind import (
+    by_pattern,
+    folder_groups,
+    frames_among,
+    in_folders,
+    in_one_folder,
+    name_groups,
+    pattern,
+    without_strays,
+)
 from sips_lit.frames.images import GREY_VERSION, check_max_side, read_grey, read_values, resize_max_side
-from sips_lit.frames.listing import list_folders, list_images, warn_of_others
+from sips_lit.frames.listing import SHOWN, list_folders, list_images, warn_of_others
 from sips_lit.frames.span import Span, find_span
 from sips_lit.types import GreyImage, ImageSequence
 
@@ -70,19 +80,30 @@ class FolderSequence(ImageSequence):
         return self.files[index].stem
 
 
-def folder(path: str | Path | Sequence[str | Path], max_side: int | None = None) -> list[ImageSequence]:
+def folder(
+    path: str | Path | Sequence[str | Path], max_side: int | None = None, names: str | None = None
+) -> list[ImageSequence]:
     """Sequences of a folder of images, of a folder of such folders, or of a list of folders.
 
-    ``max_side``: shrink images whose longer side exceeds it (pixels). Raises BadInputError when a folder is missing, or has
-    fewer than two images.
+    Where a folder has images and folders of images, those that are more are read, with a warning of the others.
+    ``max_side``: shrink images whose longer side exceeds it (pixels); ``names``: read only images with such a name, in
+    which * is a number. Raises BadInputError when a folder is missing, has fewer than two images, or images that differ in
+    kind, such as colour and depth; folders in a list are taken as they are.
     """
     check_max_side(max_side)
     if isinstance(path, str | Path):
-        return _with_unique_names(_sequences(Path(path), max_side))
-    sequences = [sequence for part in path for sequence in _sequences(Path(part), max_side)]
+        return _with_unique_names(_sequences(Path(path), max_side, names))
+    sequences = [sequence for part in path for sequence in _sequences(Path(part), max_side, names)]
     if not sequences:
         raise BadInputError("the list of folders is empty: data.path must name one folder of images at least")
     return _with_unique_names(sequences)
+
+
+def names_of_frames(folder: Path) -> str | None:
+    """What ``names`` must be where the images of a folder differ in kind and their names tell the frames; else None."""
+    conflict = in_one_folder(name_groups(without_strays(list_images(folder))))
+    frames = frames_among(conflict)
+    return frames[0].name if len(frames) == 1 and "*" in frames[0].name and len(conflict) > 1 else None
 
 
 def _size_and_time(file: Path) -> tuple[int, int]:
@@ -102,19 +123,62 @@ def _can_be_read(file: Path) -> bool:
     return True
 
 
-def _sequences(root: Path, max_side: int | None) -> list[ImageSequence]:
+def _sequences(root: Path, max_side: int | None, names: str | None) -> list[ImageSequence]:
     if not root.is_dir():
         problem = f"{root} is a file" if root.exists() else f"there is no folder {root}"
         raise BadInputError(f"{problem}: data.path must be a folder of images")
-    files = list_images(root)
-    if files:
-        warn_of_others(root, files, "images")
-        return [_sequence(root, files, max_side, root.resolve().name)]
-    subfolders = [(sub, list_images(sub)) for sub in list_folders(root)]
-    sequences = [_sequence(sub, own, max_side, f"{root.resolve().name}_{sub.name}") for sub, own in subfolders if own]
-    if not sequences:
+    images = list_images(root)
+    below = {sub: own for sub in list_folders(root) if (own := list_images(sub))}
+    if images and len(images) >= max(map(len, below.values()), default=0):
+        if below:
+            warn_input(f"{root}: its own images are read, those in {_some(below)} are not")
+        return [_sequence(root, _frames(root, images, names), max_side, root.resolve().name)]
+    if not below:
         raise BadInputError(f"the folder {root} has no images (.png, .jpg, ...), nor have its subfolders")
-    return sequences
+    if images:
+        warn_input(f"{root}: the images in its folders are read, its own are not: {_some(images)}")
+    single = [sub for sub, own in below.items() if len(own) == 1]
+    if single and len(single) < len(below):
+        warn_input(f"{root}: folders of one image make no pair and are not read: {_some(single)}")
+        below = {sub: own for sub, own in below.items() if sub not in single}
+    frames = {sub: _frames(sub, own, names) for sub, own in below.items()}
+    conflict = in_folders(folder_groups({sub.name: own for sub, own in frames.items()}))
+    if conflict:
+        choices = [f"data.path={root / group.name}" for group in frames_among(conflict) or conflict]
+        raise BadInputError(
+            f"the folders of {root} hold images of different kinds, {_some(conflict)}: give the one with the frames, "
+            f"{' or '.join(choices[:SHOWN])}, or a list of folders; sips-data check {root} tells which data= reads depth "
+            "and poses"
+        )
+    return [_sequence(sub, own, max_side, f"{root.resolve().name}_{sub.name}") for sub, own in frames.items()]
+
+
+def _frames(root: Path, images: Sequence[Path], names: str | None) -> list[Path]:
+    """The images of a folder that are frames. Raises BadInputError where that is not clear."""
+    if names is not None:
+        frames = [file for file in images if pattern(file) == names]
+        if not frames:
+            raise BadInputError(
+                f"{root} has no images named {names} (data.names, where * is a number), but {_some(by_pattern(images))}"
+            )
+    else:
+        frames = without_strays(images)
+        conflict = in_one_folder(name_groups(frames))
+        if conflict:
+            named = [f"data.names={group.name}" for group in frames_among(conflict) or conflict if "*" in group.name]
+            way = f"set {' or '.join(named[:SHOWN])} to read these alone, or " if len(conflict) > 1 and named else ""
+            raise BadInputError(
+                f"{root} has images of different kinds, {_some(conflict)}: {way}put each kind into a folder of its own; "
+                f"sips-data check {root} tells which data= reads depth and poses"
+            )
+    warn_of_others(root, frames, "frames")
+    return frames
+
+
+def _some(things: Iterable[object]) -> str:
+    """The first of several, and how many more there are."""
+    texts = [thing.name if isinstance(thing, Path) else str(thing) for thing in things]
+    return ", ".join(texts[:SHOWN]) + (f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else "")
 
 
 def _sequence(folder: Path, files: list[Path], max_side: int | None, name: str) -> ImageSequence:

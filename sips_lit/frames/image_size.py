@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from PIL import ExifTags, Image, UnidentifiedImageError
@@ -30,3 +31,19 @@ def _on_its_side(image: Image.Image) -> bool:
     if image.format == "TIFF" or (image.format == "PNG" and "exif" not in image.info):  # to look further is to decode
         return False
     return image.getexif().get(ExifTags.Base.Orientation) in (5, 6, 7, 8)
+
+
+def first_size(files: Iterable[Path]) -> tuple[int, int] | None:
+    """(W, H) of the first of the files that can be read; None where there are no files.
+
+    Raises BadInputError for the last one where none can be read.
+    """
+    problem: BadInputError | None = None
+    for file in files:
+        try:
+            return image_size(file)
+        except BadInputError as error:
+            problem = error
+    if problem is not None:
+        raise problem
+    return None

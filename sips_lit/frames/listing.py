@@ -17,7 +17,9 @@ VIDEO_SUFFIXES = frozenset(
     | {".ts", ".mts", ".m2ts", ".3gp", ".3g2", ".ogv", ".mxf", ".gif", ".ivf", ".y4m", ".dv"}
     | {".mjpeg", ".mjpg", ".h264", ".264", ".h265", ".265", ".hevc"}  # raw streams
 )
-LEFT_BEHIND = frozenset({"__MACOSX", "@eaDir", "lost+found"})
+LEFT_BEHIND = frozenset(
+    {"__MACOSX", "@eaDir", "#recycle", "$RECYCLE.BIN", "System Volume Information", "lost+found", "__pycache__"}
+)
 SHOWN = 4  # names in a message
 EPOCH_DIGITS = 9  # of a time in seconds since 1970
 _NUMBER = re.compile(r"(\D*)(\d+)(?:\.(\d+))?(\D*)")
@@ -46,6 +48,11 @@ def list_folders(folder: str | Path) -> list[Path]:
     return sorted(
         p for p in Path(folder).iterdir() if p.is_dir() and not p.name.startswith(".") and p.name not in LEFT_BEHIND
     )
+
+
+def images_below(folder: Path) -> list[Path]:
+    """The image files of a folder and of all folders in it, as `list_images` and `list_folders` see them."""
+    return [*list_images(folder), *(image for sub in list_folders(folder) for image in images_below(sub))]
 
 
 def warn_of_others(folder: Path, read: Sequence[Path], kind: str) -> None:

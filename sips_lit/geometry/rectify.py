@@ -16,12 +16,13 @@ from sips_lit.types import Camera, FloatArray, GreyImage
 @dataclass(frozen=True, slots=True)
 class LensCamera:
     """A camera with radial and tangential distortion: ``matrix`` (3, 3) in pixels, ``distortion`` k1, k2, p1, p2 (, k3), of
-    images of ``size`` (W, H) pixels.
+    images of ``size`` (W, H) pixels. An ``equidistant`` lens (Kannala and Brandt, PAMI 2006) has k1 to k4 instead.
     """
 
     matrix: FloatArray
     distortion: FloatArray
     size: tuple[int, int]
+    equidistant: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,12 @@ class Rectifier:
 
 
 def rectify_mono(lens: LensCamera) -> Rectifier:
-    """An undistorted view of the same size, with square pixels and none from outside the image."""
+    """An undistorted view of the same size, with square pixels and none from outside the image.
+
+    Of an equidistant lens, which may see more than any pinhole camera, the middle in the scale that it has there.
+    """
+    if lens.equidistant:
+        return _rectifier(lens, np.eye(3), _kept_scale(lens))
     stretched, _ = cv2.getOptimalNewCameraMatrix(lens.matrix, lens.distortion, lens.size, 0)
     matrix = np.array(stretched, np.float64)
     matrix[0, 0] = matrix[1, 1] = max(matrix[0, 0], matrix[1, 1])  # zooms in along one axis
@@ -56,11 +62,14 @@ def rectify_stereo(left: LensCamera, right: LensCamera, T_right_left: FloatArray
     """Rectifiers of both cameras and the baseline in the unit of ``T_right_left`` (4, 4).
 
     Both have one camera matrix: a point at (x, y) on the left is at (x - focal * baseline / depth, y) on the right. The zoom
-    leaves no pixel from outside the images. Raises BadInputError when the second camera is not to the right of the first.
+    leaves no pixel from outside the images; of equidistant lenses it is as in `rectify_mono`. Raises BadInputError when the
+    second camera is not to the right of the first.
     """
     R, t = T_right_left[:3, :3], T_right_left[:3, 3]
+    # the rotations do not depend on the lenses
+    distortions = [np.zeros(4) if lens.equidistant else lens.distortion for lens in (left, right)]
     R0, R1, P0, P1, *_ = cv2.stereoRectify(
-        left.matrix, left.distortion, right.matrix, right.distortion, left.size, R, t[:, None],
+        left.matrix, distortions[0], right.matrix, distortions[1], left.size, R, t[:, None],
         flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
     )  # fmt: skip
     baseline = -float(P1[0, 3] / P1[0, 0])
@@ -69,10 +78,18 @@ def rectify_stereo(left: LensCamera, right: LensCamera, T_right_left: FloatArray
             f"the second camera is not to the right of the first one but at {np.round(-R.T @ t, 3)} in its frame: rectified "
             "stereo needs the left camera first"
         )
-    return _rectifier(left, R0, P0[:, :3]), _rectifier(right, R1, P1[:, :3]), baseline
+    matrix = _kept_scale(left) if left.equidistant or right.equidistant else P0[:, :3]
+    return _rectifier(left, R0, matrix), _rectifier(right, R1, matrix), baseline
+
+
+def _kept_scale(lens: LensCamera) -> NDArray[np.float64]:
+    """A camera matrix with square pixels of the size that those in the middle have, and the centre in the middle."""
+    focal, (width, height) = float(np.sqrt(lens.matrix[0, 0] * lens.matrix[1, 1])), lens.size
+    return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
 
 
 def _rectifier(lens: LensCamera, rotation: NDArray[Any], matrix: NDArray[Any]) -> Rectifier:
-    x, y = cv2.initUndistortRectifyMap(lens.matrix, lens.distortion, rotation, matrix, lens.size, cv2.CV_32FC1)
+    undistort = cv2.fisheye.initUndistortRectifyMap if lens.equidistant else cv2.initUndistortRectifyMap
+    x, y = undistort(lens.matrix, lens.distortion, rotation, matrix, lens.size, cv2.CV_32FC1)
     camera = Camera(np.asarray(matrix, np.float64), lens.size)
     return Rectifier(camera, np.asarray(rotation, np.float64), np.asarray(x), np.asarray(y))

@@ -1,4 +1,5 @@
 import pickle
+import shutil
 from pathlib import PurePosixPath
 
 import cv2
@@ -194,3 +195,14 @@ def test_files_that_can_not_be_used(held, message, folder):
     np.savez(folder / "a" / "1.npz", **held)
     with pytest.raises(BadInputError, match=message):
         open_features(folder).read(IMAGE)
+
+
+def test_hidden_folders_hold_no_images(images, features):
+    for name in ("a/1", "b/1"):
+        np.savez(features / f"{name}.npz", keypoints=XY, scores=SCORES)
+    found = PrecomputedDetector(features, images).image_of
+    assert len(found) == 2
+    for hidden in (".ipynb_checkpoints", "__MACOSX", "a/@eaDir"):
+        shutil.copytree(images / "a", images / hidden / "a")
+        shutil.copytree(features / "a", features / hidden / "a")
+    assert PrecomputedDetector(features, images).image_of == found

@@ -1,6 +1,7 @@
 """Every YAML composes with the command that it is for, and what it describes can be made."""
 
 import importlib
+import shlex
 import subprocess
 import sys
 import zipfile
@@ -11,9 +12,12 @@ import hpatches_files
 import numpy as np
 import pytest
 import rgbd_files
+import rgbd_layouts
 from cli_runs import ROOT
 from hydra import compose, initialize_config_dir
+from hydra.errors import InstantiationException
 from hydra.utils import instantiate
+from image_files import write_images
 from omegaconf import OmegaConf
 from random_weights import weights_file
 from robotcar_files import write_run
@@ -21,9 +25,11 @@ from textured_scenes import texture
 from tum_mono_files import write_sequence
 
 from sips_lit.cli.app import CONF_DIR, build, register_resolvers
+from sips_lit.cli.data import how_to_use
 from sips_lit.cli.evaluation import CHOICE, MEASURED, PAIR_SET
 from sips_lit.cli.methods import make_methods
 from sips_lit.cli.train import comparison
+from sips_lit.dataset_tools.recognise import recognise
 from sips_lit.evaluate.measures import Measures
 from sips_lit.frames.source import as_sources
 
@@ -131,6 +137,8 @@ def sources_of(name: str, tmp_path: Path) -> list[str]:
         return [f"data.path={tmp_path}"]
     if name == "rgbd":
         return [f"data.path={rgbd_files.write_simple(tmp_path / 'desk')}"]
+    if hasattr(rgbd_layouts, f"write_{name}"):
+        return [f"data.path={getattr(rgbd_layouts, f'write_{name}')(tmp_path / 'scene')}"]
     make = getattr(importlib.import_module(f"{name}_files"), f"make_{name}")  # any other brings its own, in support/
     return [f"data.path={make(tmp_path)}"]
 
@@ -153,6 +161,18 @@ def test_every_data_set_opens(name, tmp_path):
     assert len(sources) == len(MIXTURES.get(name, [name]))
     for source in sources:
         assert source.sequences[0].frame(0).ndim == 2
+
+
+def test_names_of_frames_are_read_as_check_prints_them(tmp_path):
+    for name, kind in (("color", "colour"), ("depth", "depth")):
+        write_images(tmp_path, f"frame-{{:06d}}.{name}.png", kind)
+    (dataset,) = recognise(tmp_path)
+    with pytest.raises(InstantiationException, match="different kinds"):
+        build(composed("train", "data=folder", f"data.path={tmp_path}", "paths.run=x").data)
+    _, command, *arguments = shlex.split(how_to_use(dataset))
+    assert command == "sips-train"
+    (sequence,) = build(composed("train", *arguments, "paths.run=x").data)
+    assert {file.name.split(".")[1] for file in sequence.files} == {"color"}
 
 
 def test_validation_data_in_its_own_place():

@@ -4,14 +4,18 @@ import cv2
 import numpy as np
 import pytest
 from euroc_files import make_euroc
+from image_files import write_images
 from kitti_files import make_kitti
 from own_dataset import write_walk
-from rgbd_files import write_simple
+from rgbd_files import matrix, write_simple, write_tum
+from rgbd_layouts import write_nerfstudio, write_replica, write_scannet, write_seven_scenes
 from robotcar_files import write_run
 from textured_scenes import flight
 
+from sips_lit.dataset_tools.check import check_sequence
 from sips_lit.dataset_tools.recognise import recognise
-from sips_lit.errors import BadInputError
+from sips_lit.datasets.tum_rgbd import CALIBRATIONS
+from sips_lit.errors import BadInputError, InputWarning
 
 IMAGE = cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes()
 LAYOUTS = {
@@ -188,3 +192,104 @@ def test_every_folder_of_the_shared_data(shared_data):
         "video_clips": "video",
         "visp_cube": "folder",
     }
+
+
+def used(root: Path) -> list[tuple[str, str, dict]]:
+    """What is recommended; each must load, and has no depth map or mask among its frames."""
+    found = recognise(root)
+    for dataset in found:
+        for sequence in dataset.sequences():
+            for i in range(len(sequence)):
+                assert sequence.frame(i).std() > 10
+                assert "depth" not in str(sequence.files[i].relative_to(root))
+                assert "mask" not in str(sequence.files[i].relative_to(root))
+    return [(d.spec.kind, str(d.path.relative_to(root)), dict(d.options)) for d in found]
+
+
+def test_depth_maps_and_masks_are_not_recommended(tmp_path):
+    for name, kind in (("rgb", "colour"), ("depth", "depth"), ("mask", "mask")):
+        write_images(tmp_path / "split" / name, "{:04d}.png", kind)
+    with pytest.warns(InputWarning, match="6 depth .16-bit grey., 6 mask .8-bit grey. are taken for"):
+        assert used(tmp_path / "split") == [("folder", "rgb", {})]
+    write_images(tmp_path / "flat", "frame{:04d}.jpg", "colour")
+    write_images(tmp_path / "flat", "depth{:04d}.png", "depth")
+    assert used(tmp_path / "flat") == [("folder", ".", {"names": "frame*.jpg"})]
+    for name, size in (("images", (96, 128)), ("images_2", (48, 64))):
+        write_images(tmp_path / "sizes" / name, "{:04d}.png", "colour", size=size)
+    assert used(tmp_path / "sizes") == [("folder", "images", {})]
+    for alone in (tmp_path / "split" / "depth", write_images(tmp_path / "only" / "depth", "{}.png", "depth").parent):
+        with pytest.raises(BadInputError, match="holds no data set that is known here"):
+            recognise(alone)
+    assert used(write_images(tmp_path / "thermal", "{:04d}.png", "depth")) == [("folder", ".", {})]
+
+
+@pytest.mark.parametrize("stray", ["preview.png", ".ipynb_checkpoints/1.png", "__MACOSX/1.png", "@eaDir/1.png"])
+def test_strays_beside_folders_of_frames_and_of_videos(tmp_path, stray):
+    for name in ("a", "b"):
+        write_images(tmp_path / "frames" / name, "{:04d}.png", "colour")
+        lay_out(tmp_path / "clips" / name, ["1.mp4"])
+    lay_out(tmp_path / "frames", [stray])
+    lay_out(tmp_path / "clips", [stray])
+    (dataset,) = recognise(tmp_path / "frames")
+    assert (dataset.path, [len(s) for s in dataset.sequences()]) == (tmp_path / "frames", [6, 6])
+    assert [(d.spec.kind, d.path.name) for d in recognise(tmp_path / "clips")] == [("video", "a"), ("video", "b")]
+
+
+def test_a_stray_video_does_not_replace_frames_nor_previews_videos(tmp_path):
+    write_images(lay_out(tmp_path / "frames", ["preview.mp4"]), "{:04d}.png", "colour")
+    assert [d.spec.kind for d in recognise(tmp_path / "frames")] == ["video", "folder"]
+    lay_out(tmp_path / "clips", ["a.mp4", "b.mp4", "a.jpg", "b.jpg", "more/c.mp4"])
+    assert [(d.spec.kind, d.path.name) for d in recognise(tmp_path / "clips")] == [
+        ("video", "clips"),
+        ("video", "more"),
+    ]
+
+
+WITH_DEPTH = {
+    "seven_scenes": write_seven_scenes,
+    "replica": write_replica,
+    "scannet": write_scannet,
+    "nerfstudio": write_nerfstudio,
+    "rgbd": write_simple,
+}
+
+
+@pytest.mark.parametrize("kind", WITH_DEPTH)
+@pytest.mark.parametrize("scenes", [(".",), ("one", "two")])
+def test_layouts_with_colour_and_depth_are_known_and_load(tmp_path, kind, scenes):
+    for scene in scenes:
+        WITH_DEPTH[kind](tmp_path / "some" / scene, 2)
+    lay_out(tmp_path / "some", ["preview.png", ".ipynb_checkpoints/1.png", "__MACOSX/color/1.png"])
+    (dataset,) = recognise(tmp_path / "some")
+    assert (dataset.spec.kind, dataset.path, dataset.options) == (kind, tmp_path / "some", {})
+    sequences = dataset.sequences()
+    assert [len(sequence) for sequence in sequences] == [2] * len(scenes)
+    for sequence in sequences:
+        assert set(sequence_parts(sequence)) >= {"intrinsics", "poses", "depth"}
+
+
+def sequence_parts(sequence) -> dict[str, int]:
+    return check_sequence(sequence).parts
+
+
+@pytest.mark.parametrize("gone", [[], ["rgb.txt", "depth.txt"], ["rgb.txt", "depth.txt", "groundtruth.txt"]])
+def test_tum_rgbd_with_and_without_its_lists(tmp_path, gone):
+    root = write_tum(tmp_path / "rgbd_dataset_freiburg3_made", matrix(*CALIBRATIONS[3][0]), count=2)
+    for name in gone:
+        (root / name).unlink()
+    (dataset,) = recognise(root)
+    (sequence,) = dataset.sequences()
+    assert {file.parent.name for file in sequence.files} == {"rgb"}
+    if len(gone) == 3:
+        assert (dataset.spec.kind, dataset.path) == ("folder", root / "rgb")
+    else:
+        assert dataset.spec.kind == "rgbd"
+        assert sequence_parts(sequence)["poses"] == sequence_parts(sequence)["depth"] == 2
+
+
+def test_colour_and_depth_without_a_table_are_the_colour(tmp_path):
+    for name, kind in (("color", "colour"), ("depth", "depth")):
+        write_images(tmp_path / name, "{:04d}.png", kind)
+    (dataset,) = recognise(tmp_path)
+    assert (dataset.spec.kind, dataset.path) == ("folder", tmp_path / "color")
+    assert len(dataset.sequences()[0]) == 6

@@ -29,7 +29,7 @@ def test_sensor(tmp_path: Path, header: str):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("radial-tangential", "equidistant", "with distortion_model equidistant: only pinhole"),
+        ("radial-tangential", "fov", "with distortion_model fov: only pinhole .* data.rectify=false"),
         ("camera_model: pinhole", "", "camera_model None"),
         ("[57.3, ", "[", r"has intrinsics: \[57\.1, .* list of 4 finite numbers"),
         ("[57.3, ", "[.nan, ", "has intrinsics"),

@@ -10,7 +10,7 @@ from euroc_files import LENSES, START, STEP, T_BODY_CAMERA, body_pose, make_euro
 from textured_scenes import texture
 
 from sips_lit.datasets.euroc import euroc
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.geometry.rectify import rectify_mono, rectify_stereo
 
 
@@ -170,3 +170,82 @@ def test_pickles(tmp_path: Path):
     (sequence,) = euroc(make_euroc(tmp_path), max_side=50)
     other = pickle.loads(pickle.dumps(sequence))
     np.testing.assert_array_equal(other.right(1), sequence.right(1))
+
+
+def as_tum_vi(mav0: Path) -> None:
+    """16-bit images, equidistant lenses calibrated in dso/camchain.yaml, poses of the body in mocap0."""
+    chain = []
+    for camera, lens in enumerate(LENSES):
+        (mav0 / f"cam{camera}" / "sensor.yaml").unlink()
+        K = lens.matrix
+        T = np.linalg.inv(T_BODY_CAMERA[camera])
+        chain.append(
+            f"cam{camera}:\n  T_cam_imu:\n"
+            + "".join(f"  - {row.tolist()}\n" for row in T)
+            + "  camera_model: pinhole\n"
+            f"  distortion_coeffs: [0.0035, 0.0007, -0.002, 0.0002]\n  distortion_model: equidistant\n"
+            f"  intrinsics: {[float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2])]}\n  resolution: [94, 60]\n"
+        )
+        for file in (mav0 / f"cam{camera}" / "data").iterdir():
+            assert cv2.imwrite(str(file), cv2.imread(str(file), cv2.IMREAD_GRAYSCALE).astype(np.uint16) * 40 + 900)
+    (mav0.parent / "dso").mkdir()
+    (mav0.parent / "dso" / "camchain.yaml").write_text("".join(chain))
+    (mav0 / "state_groundtruth_estimate0").rename(mav0 / "mocap0")
+
+
+@pytest.mark.parametrize("rectify", [True, False])
+def test_tum_vi(tmp_path: Path, rectify: bool):
+    mav0 = make_euroc(tmp_path / "room1", columns=8)
+    as_tum_vi(mav0)
+    cv2.imwrite(str(mav0 / "cam0" / "data" / f"{START}.png"), np.full((60, 94), 3000, np.uint16))  # one is dull
+    (sequence,) = euroc(tmp_path / "room1", rectify=rectify)
+    assert (sequence.name, len(sequence)) == ("room1", 4)
+    for i in range(4):
+        turned = np.linalg.inv(sequence.pose(i)) @ (body_pose(i * STEP * 1e-9) @ T_BODY_CAMERA[0])
+        np.testing.assert_allclose(turned[:3, 3], 0, atol=1e-6)
+        assert np.degrees(np.arccos((np.trace(turned[:3, :3]) - 1) / 2)) < (3 if rectify else 1e-2)
+    assert np.ptp(sequence.frame(0)) == 0  # one span for all images, not one for each
+    assert 50 < sequence.frame(0).mean() < 150
+    if rectify:
+        assert sequence.camera(1).size == (94, 60)
+        assert sequence.baseline() == pytest.approx(0.11, abs=1e-3)
+        assert sequence.right(1).std() > 20
+    else:
+        grey = texture(60, 94, 1).astype(float)
+        assert np.corrcoef(sequence.frame(1).ravel(), grey.ravel())[0, 1] > 0.999
+        assert (sequence.camera(1), sequence.right(1)) == (None, None)
+
+
+def test_as_stored_any_lens_will_do(tmp_path: Path):
+    mav0 = make_euroc(tmp_path / "some")
+    sensor = mav0 / "cam0" / "sensor.yaml"
+    whole = euroc(mav0, rectify=False)[0]
+    sensor.write_text(sensor.read_text().replace("radial-tangential", "fov"))
+    with pytest.raises(BadInputError, match=r"distortion_model fov: .* data\.rectify=false"):
+        euroc(mav0)
+    (sequence,) = euroc(mav0, rectify=False)
+    np.testing.assert_array_equal(sequence.frame(2), texture(60, 94, 2))
+    np.testing.assert_array_equal(sequence.pose(2), whole.pose(2))
+    sensor.unlink()
+    with pytest.warns(InputWarning, match=r"there is no .*sensor\.yaml: .* no pose"):
+        (sequence,) = euroc(mav0, rectify=False)
+    np.testing.assert_array_equal(sequence.frame(2), texture(60, 94, 2))
+    assert sequence.pose(2) is None
+    with pytest.raises(BadInputError, match=r"there is no .*sensor\.yaml"):
+        euroc(mav0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("T_cam_imu", "T_other", "no T_cam_imu for cam0"),
+        ("cam0:", "cam5:", "no cam0"),
+        ("distortion_coeffs: [0.0035, ", "distortion_coeffs: [", "distortion_coefficients"),
+    ],
+)
+def test_bad_camchains(tmp_path: Path, old: str, new: str, message: str):
+    as_tum_vi(make_euroc(tmp_path, columns=8))
+    chain = tmp_path / "dso" / "camchain.yaml"
+    chain.write_text(chain.read_text().replace(old, new, 1))
+    with pytest.raises(BadInputError, match=rf"camchain\.yaml has {message}"):
+        euroc(tmp_path)

@@ -237,3 +237,15 @@ def test_real_homographies_have_their_origin_at_a_pixel_centre(shared_data, max_
     near = np.linalg.norm(off, axis=1) < 4
     assert near.sum() > 400
     assert np.abs(np.median(off[near], 0)).max() < 0.1
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "jpeg"])
+def test_other_formats_of_the_images(tmp_path, suffix):
+    write_sequence(tmp_path, "v_made", suffix=suffix)
+    (sequence,) = hpatches(tmp_path)
+    assert (len(sequence), sequence.frame(3).shape) == (6, (121, 160))
+    write_sequence(tmp_path / "both", "v_made")
+    for number in (1, 4):
+        (tmp_path / "v_made" / f"{number}.{suffix}").rename(tmp_path / "both" / "v_made" / f"{number}.{suffix}")
+    (sequence,) = hpatches(tmp_path / "both")
+    assert [image.file.suffix for image in sequence.images] == [".ppm"] * 6

@@ -1,6 +1,7 @@
 import itertools
 import logging
 import pickle
+import shutil
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import pytest
 from kitti_files import make_kitti, pose, projection
 from textured_scenes import texture
 
+from sips_lit.dataset_tools.recognise import recognise
 from sips_lit.datasets.kitti import kitti
 from sips_lit.errors import BadInputError
 
@@ -179,3 +181,27 @@ def test_images_that_are_not_there_are_counted(tmp_path: Path, caplog: pytest.Lo
         f"kitti_00: 4 of 6 images of {folder / 'image_0'} are there"
     ]
     np.testing.assert_allclose(sequence.time(2), 0.3)
+
+
+@pytest.mark.parametrize("cameras", [(0, 1), (2, 3)])
+def test_jpegs(tmp_path: Path, cameras: tuple[int, int]):
+    make_kitti(tmp_path, cameras=cameras)
+    for file in (tmp_path / "dataset").rglob("*.png"):
+        assert cv2.imwrite(str(file.with_suffix(".jpg")), cv2.imread(str(file), cv2.IMREAD_UNCHANGED))
+        file.unlink()
+    (dataset,) = recognise(tmp_path)
+    assert dataset.spec.kind == "kitti"
+    (sequence,) = dataset.sequences()
+    assert (len(sequence), sequence.right(3) is None) == (4, False)
+    assert {file.suffix for file in sequence.files} == {".jpg"}
+    np.testing.assert_allclose(sequence.pose(2)[:3, :3], pose(2)[:3, :3], atol=1e-10)
+
+
+def test_two_formats(tmp_path: Path):
+    left = make_kitti(tmp_path) / "sequences" / "00" / "image_0"
+    (left / "000002.png").rename(left / "000002.jpg")
+    (sequence,) = kitti(tmp_path)
+    assert (sequence.frame_name(2), sequence.right(2).shape) == ("kitti_00_000002", (48, 64))
+    shutil.copy(left / "000002.jpg", left / "000002.png")
+    with pytest.raises(BadInputError, match=r"image_0 has 1 images twice, the first is 000002\.jpg"):
+        kitti(tmp_path)

@@ -4,7 +4,7 @@ from rgbd_files import depth_of, matrix, pose, render, write_tum
 
 from sips_lit.datasets.rgbd import rgbd
 from sips_lit.datasets.tum_rgbd import CALIBRATIONS
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, InputWarning
 
 K3 = matrix(*CALIBRATIONS[3][0])
 SMALL = (160, 120)
@@ -89,10 +89,35 @@ def test_a_wider_tolerance_joins_more(tmp_path):
     assert open_small(folder, tolerance=0.008).depth(0) is not None  # exactly as far apart
 
 
-@pytest.mark.parametrize("missing", ["depth.txt", "groundtruth.txt", "depth/1305031102.183300.png"])
+def test_without_lists_the_names_are_the_times(tmp_path):
+    whole = open_small(write_small(tmp_path / "whole"))
+    folder = write_small(tmp_path / "any")
+    (folder / "rgb.txt").unlink()
+    (folder / "depth.txt").unlink()
+    sequence = open_small(folder)
+    assert [sequence.time(i) for i in range(3)] == [whole.time(i) for i in range(3)]
+    for i in range(3):
+        np.testing.assert_array_equal(sequence.pose(i), whole.pose(i))
+        np.testing.assert_array_equal(sequence.depth(i), whole.depth(i))
+    (folder / "rgb" / "first.png").write_bytes(b"")
+    with pytest.raises(BadInputError, match=r"no .*rgb\.txt, and the images of .* are not named by their times"):
+        open_small(folder)
+
+
+def test_without_poses(tmp_path):
+    folder = write_small(tmp_path / "any")
+    (folder / "groundtruth.txt").unlink()
+    with pytest.warns(InputWarning, match="of 3 images of .* 0 have no depth map and 3 no pose"):
+        sequence = open_small(folder)
+    assert [sequence.pose(i) for i in range(3)] == [None] * 3
+    assert sequence.depth(1) is not None
+
+
+@pytest.mark.parametrize("missing", ["depth", "depth/1305031102.183300.png"])
 def test_half_downloaded(tmp_path, missing):
     folder = write_small(tmp_path / "any")
-    (folder / missing).unlink()
+    (folder / "depth.txt").rename(folder / ("other" if missing == "depth" else "depth.txt"))
+    (folder / missing).rename(folder / "elsewhere")
     with pytest.raises(BadInputError, match=rf"there is no .*{missing}.*TUM RGB-D has"):
         open_small(folder)
 

@@ -6,9 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from image_files import write_images
 from textured_scenes import texture
 
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.files import safe_name
 from sips_lit.frames.folder import folder
 
@@ -182,3 +183,66 @@ def test_a_damaged_first_image_leaves_the_others_readable(tmp_path: Path, order)
             np.testing.assert_array_equal(sequence.frame(i), texture(48, 64, i))
     with pytest.raises(BadInputError, match=r"0\.png is not an image"):
         sequence.frame(0)
+
+
+def test_colour_and_depth_in_one_folder(tmp_path: Path):
+    write_images(tmp_path, "frame-{:06d}.color.png", "colour")
+    write_images(tmp_path, "frame-{:06d}.depth.png", "depth")
+    with pytest.raises(
+        BadInputError, match=r"different kinds, 6 frame-\*\.color\.png \(8-bit colour\).*16-bit"
+    ) as caught:
+        folder(tmp_path)
+    assert "set data.names=frame-*.color.png to read these alone" in str(caught.value)
+    with pytest.warns(InputWarning, match="6 files are no frames"):
+        (sequence,) = folder(tmp_path, names="frame-*.color.png")
+    assert len(sequence) == 6
+    assert {file.name.split(".")[1] for file in sequence.files} == {"color"}
+    with pytest.raises(BadInputError, match=r"no images named left\*\.png .*but frame-\*\.color\.png"):
+        folder(tmp_path, names="left*.png")
+    assert len(folder(fill(tmp_path / "digits", name="{}_mask.png"), names="*_mask.png")[0]) == 3
+
+
+def test_8_and_16_bits_of_one_name(tmp_path: Path):
+    write_images(tmp_path, "{}.png", "grey", range(3))
+    write_images(tmp_path, "{}.png", "depth", range(3, 6))
+    with pytest.raises(BadInputError, match=r"8-bit and 16-bit grey\): put each kind into a folder of its own"):
+        folder(tmp_path)
+
+
+def test_folders_of_colour_and_depth(tmp_path: Path):
+    write_images(tmp_path / "rgb", "{}.png", "colour")
+    write_images(tmp_path / "depth", "{}.png", "depth")
+    with pytest.raises(
+        BadInputError, match=r"6 depth \(16-bit grey\), 6 rgb \(8-bit colour\).*rgb, or a list"
+    ) as caught:
+        folder(tmp_path)
+    assert f"data.path={tmp_path / 'rgb'}" in str(caught.value)
+    assert f"data.path={tmp_path / 'depth'}" not in str(caught.value)
+    assert [len(sequence) for sequence in folder([tmp_path / "rgb", tmp_path / "depth"])] == [6, 6]  # as one asks for
+
+
+@pytest.mark.parametrize("strays", [["preview.png"], ["a.png", "b.png"]])
+def test_pictures_beside_folders_of_frames(tmp_path: Path, strays: list[str]):
+    for name in ("one", "two"):
+        fill(tmp_path / "trips" / name, 4)
+    for name in strays:
+        cv2.imwrite(str(tmp_path / "trips" / name), texture(20, 20))
+    with pytest.warns(InputWarning, match=f"its own are not: {strays[0]}"):
+        sequences = folder(tmp_path / "trips")
+    assert [(s.name, len(s)) for s in sequences] == [("trips_one", 4), ("trips_two", 4)]
+
+
+def test_what_is_no_frame_in_a_folder_and_no_sequence_in_a_root(tmp_path: Path):
+    fill(tmp_path / "trips" / "one", 4)
+    cv2.imwrite(str(tmp_path / "trips" / "one" / "preview.png"), texture(20, 20))
+    fill(tmp_path / "trips" / "cover", 1)
+    for hidden in (".ipynb_checkpoints", "__MACOSX", "@eaDir"):
+        write_images(tmp_path / "trips" / hidden, "{}.png", "depth")
+        write_images(tmp_path / "trips" / "one" / hidden, "{}.png", "depth")
+    with pytest.warns(InputWarning) as warned:
+        (sequence,) = folder(tmp_path / "trips")
+    assert [sequence.frame(i).shape for i in range(len(sequence))] == [(48, 64)] * 4
+    assert [str(w.message).split(": ", 1)[1] for w in warned] == [
+        "folders of one image make no pair and are not read: cover",
+        "1 files are no frames and are not read: preview.png",
+    ]

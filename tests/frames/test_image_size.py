@@ -4,7 +4,7 @@ import pytest
 from PIL import ExifTags, Image
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.image_size import image_size
+from sips_lit.frames.image_size import first_size, image_size
 from sips_lit.frames.images import read_grey
 
 
@@ -72,3 +72,12 @@ def test_no_image(tmp_path, content):
 def test_no_file(tmp_path):
     with pytest.raises(BadInputError, match=r"cannot read .*a\.ppm"):
         image_size(tmp_path / "a.ppm")
+
+
+def test_the_first_that_can_be_read(tmp_path):
+    (tmp_path / "1.png").write_bytes(b"damaged")
+    Image.new("L", (7, 5)).save(tmp_path / "2.png")
+    assert first_size([tmp_path / "1.png", tmp_path / "2.png"]) == (7, 5)
+    assert first_size([]) is None
+    with pytest.raises(BadInputError, match=r"1\.png"):
+        first_size([tmp_path / "1.png"])

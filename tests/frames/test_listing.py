@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from sips_lit.errors import InputWarning
-from sips_lit.frames.listing import in_order, list_images
+from sips_lit.frames.listing import images_below, in_order, list_images
 
 
 def test_images_are_listed_in_natural_order(tmp_path: Path):
@@ -75,3 +75,21 @@ def test_two_readings():
 def test_a_counter_behind_a_point():
     names = [f"scene1.{i}.png" for i in range(1, 25)]
     assert ordered(names) == names
+
+
+def test_images_below_a_folder(tmp_path: Path):
+    for name in (
+        "2.png",
+        "10.png",
+        "a/1.jpg",
+        "a/b/c.png",
+        ".x/1.png",
+        "__MACOSX/1.png",
+        "a/@eaDir/1.jpg",
+        "a/.1.png",
+        "n.txt",
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    found = [str(file.relative_to(tmp_path)) for file in images_below(tmp_path)]
+    assert found == ["2.png", "10.png", "a/1.jpg", "a/b/c.png"]

@@ -91,3 +91,54 @@ def test_sides():
     above[1, 3] = -0.1
     with pytest.raises(BadInputError, match="not to the right of the first"):
         rectify_stereo(LEFT, RIGHT, above)
+
+
+def equidistant_pixels(lens: LensCamera, points: np.ndarray) -> np.ndarray:
+    """Kannala and Brandt's model, by its formula: pixels (N, 2) of points (N, 3)."""
+    side = np.linalg.norm(points[:, :2], axis=1)
+    angle = np.arctan2(side, points[:, 2])
+    bent = angle * (1 + sum(k * angle ** (2 * i) for i, k in enumerate(lens.distortion, start=1)))
+    plane = np.where(side > 0, bent / np.maximum(side, 1e-12), 1)[:, None] * points[:, :2]
+    return plane * lens.matrix[[0, 1], [0, 1]] + lens.matrix[:2, 2]
+
+
+# of TUM-VI's room sequences, rounded
+WIDE = [
+    LensCamera(
+        np.array([[190.978, 0, 254.932], [0, 190.973, 256.897], [0, 0, 1]]),
+        np.array([0.00348, 0.00072, -0.00205, 0.0002]),
+        (512, 512),
+        equidistant=True,
+    ),
+    LensCamera(
+        np.array([[190.442, 0, 252.598], [0, 190.434, 254.917], [0, 0, 1]]),
+        np.array([0.0034, 0.00177, -0.00266, 0.0003]),
+        (512, 512),
+        equidistant=True,
+    ),
+]
+
+
+def test_equidistant_lenses():
+    T = np.eye(4)
+    T[:3, :3] = cv2.Rodrigues(np.array([-0.04, 0.002, 0.01]))[0]
+    T[:3, 3] = T[:3, :3] @ [-0.101, 0.0016, -0.001]
+    left, right, baseline = rectify_stereo(*WIDE, T)
+    assert baseline == pytest.approx(0.101, abs=1e-4)
+    points = np.random.default_rng(0).uniform([-2, -2, 1.5], [2, 2, 4], (500, 3))
+    in_right = points @ T[:3, :3].T + T[:3, 3]
+    mono = rectify_mono(WIDE[0])
+    for rectifier, lens, own in ((mono, WIDE[0], points), (left, WIDE[0], points), (right, WIDE[1], in_right)):
+        pixels = rectified_pixels(rectifier, own)
+        inside = np.all((pixels >= 1) & (pixels <= 510), axis=1)
+        assert inside.sum() > 200
+        where = pixels[inside].astype(np.float32)[:, None]
+        found = [cv2.remap(m, where, None, cv2.INTER_LINEAR)[:, 0] for m in (rectifier.x, rectifier.y)]
+        np.testing.assert_allclose(np.column_stack(found), equidistant_pixels(lens, own[inside]), atol=0.02)
+        assert rectifier.camera.matrix[0, 0] == rectifier.camera.matrix[1, 1] == pytest.approx(190.7, abs=0.5)
+        assert rectifier.x.min() >= 0
+        assert rectifier.x.max() <= 511
+    x0, x1 = rectified_pixels(left, points), rectified_pixels(right, in_right)
+    depth = (points @ left.rotation.T)[:, 2]
+    np.testing.assert_allclose(x1[:, 1], x0[:, 1], atol=1e-6)  # rows are aligned
+    np.testing.assert_allclose(x0[:, 0] - x1[:, 0], left.camera.matrix[0, 0] * baseline / depth, atol=1e-6)

@@ -1,0 +1,198 @@
+"""Which images of a folder, and which folders, are frames: depth maps, masks and right images are none."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+
+from sips_lit.frames.listing import EPOCH_DIGITS
+
+SAMPLE = 64  # files of a group that are opened, about
+WORDS = re.compile(r"[A-Za-z]+")
+NUMBERS = re.compile(r"\d+")
+NO_FRAMES = frozenset(
+    {
+        "depth",
+        "depths",
+        "disp",
+        "disparity",
+        "mask",
+        "masks",
+        "seg",
+        "segmentation",
+        "semantic",
+        "semantics",
+        "instance",
+    }
+    | {"label", "labels", "annotation", "annotations", "normal", "normals", "flow", "conf", "confidence", "gt"}
+)
+SECOND = frozenset(
+    {"right", "r", "ir", "infra", "infrared", "thermal", "grey", "gray"}
+)  # beside others of the same moments
+
+
+@dataclass(frozen=True, slots=True)
+class ImageGroup:
+    """Image ``files`` of one kind: ``name`` is the pattern of their names, in which * is a number, or that of their folder.
+
+    ``bits``: how many a value has, ``colour``: whether they have colour, of each that was looked at.
+    """
+
+    name: str
+    files: Sequence[Path]
+    bits: frozenset[int]
+    colour: frozenset[bool]
+    size: tuple[int, int] | None = None
+
+    def __str__(self) -> str:
+        bits = " and ".join(f"{bits}-bit" for bits in sorted(self.bits))
+        colour = " and ".join("colour" if colour else "grey" for colour in sorted(self.colour))
+        return f"{len(self.files)} {self.name} ({' '.join(filter(None, (bits, colour)))})"
+
+    @property
+    def words(self) -> set[str]:
+        """The words of its name, in small letters."""
+        return {word.lower() for word in WORDS.findall(self.name)}
+
+
+def group_of(name: str, files: Sequence[Path]) -> ImageGroup:
+    """What kind of images the files are, by the headers of some of them. Files that can't be read are passed over."""
+    step = (len(files) // SAMPLE) | 1  # odd: images of two kinds may alternate
+    kinds = [kind for file in files[::step] if (kind := _kind(file))]
+    bits, colour = frozenset(bits for bits, _, _ in kinds), frozenset(colour for _, colour, _ in kinds)
+    return ImageGroup(name, files, bits, colour, kinds[0][2] if kinds else None)
+
+
+def _kind(file: Path) -> tuple[int, bool, tuple[int, int]] | None:
+    """Bits of a value, whether there is colour, and (W, H)."""
+    try:
+        with Image.open(file) as image:
+            mode, size = image.mode, image.size
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        return None
+    bits = 32 if mode == "F" else 16 if mode.startswith("I") else 8  # a picture in black and white is a grey one
+    return bits, bits == 8 and mode not in ("1", "L", "LA"), size
+
+
+def pattern(file: Path) -> str:
+    """The name of a file with each run of digits as *."""
+    return NUMBERS.sub("*", file.name)
+
+
+def by_pattern(files: Sequence[Path]) -> dict[str, list[Path]]:
+    """The files by the `pattern` of their names."""
+    groups: dict[str, list[Path]] = {}
+    for file in files:
+        groups.setdefault(pattern(file), []).append(file)
+    return groups
+
+
+def without_strays(files: Sequence[Path]) -> list[Path]:
+    """The images of a folder without a few such as preview.png: no other file is named alike, while most others are.
+
+    A file with a number in its name is one only where there are ten times as many others: it may be the last frame.
+    """
+    alike = Counter(NUMBERS.sub("*", file.stem) for file in files)
+    single = [file for file in files if alike[NUMBERS.sub("*", file.stem)] == 1]
+    if 2 * len(single) >= len(files):
+        return list(files)
+    if len(single) > 0.1 * len(files):
+        single = [file for file in single if not NUMBERS.search(file.stem)]
+    return [file for file in files if file not in single]
+
+
+def name_groups(files: Sequence[Path]) -> list[ImageGroup]:
+    """The images of a folder by the pattern of their names, and in one group without a * those that share it with none."""
+    groups = by_pattern(files)
+    single = [own[0] for own in groups.values() if len(own) == 1]
+    named = [group_of(name, own) for name, own in groups.items() if len(own) > 1]
+    return [*named, group_of("others", single)] if single else named
+
+
+def folder_groups(folders: Mapping[str, Sequence[Path]]) -> list[ImageGroup]:
+    """The images of several folders, by the names of the folders."""
+    return [group_of(name, own) for name, own in folders.items()]
+
+
+def in_one_folder(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
+    """Those groups of a folder that can't be one sequence; none if all can.
+
+    Images of 8 and 16 bits; two patterns of names of which one is grey and the other in colour; and two patterns with the
+    same numbers, or with times that mix. Single grey images among coloured ones of the same pattern are frames.
+    """
+    if len(frozenset().union(*(group.bits for group in groups))) > 1:
+        return list(groups)
+    named = [group for group in groups if "*" in group.name]
+    pairs = [(a, b) for i, a in enumerate(named) for b in named[:i]]
+    apart = [pair for pair in pairs if _differ_in_colour(*pair) or _same_moments(*pair)]
+    return [group for group in groups if any(group in pair for pair in apart)]
+
+
+def in_folders(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
+    """Those of the folders, side by side, that can't all be sequences of frames; none if all can.
+
+    Images of 8 and 16 bits; depth maps, masks and the like by the name of the folder, beside images with the same names or
+    of another kind; and the same files twice, grey and in colour, or smaller (``images`` and ``images_2``).
+    """
+    if len(frozenset().union(*(group.bits for group in groups))) > 1:
+        return list(groups)
+    pairs = [(a, b) for a in groups for b in groups if a is not b]
+    apart = [(a, b) for a, b in pairs if _is_no_frame_beside(a, b) or _is_smaller(a, b) or _twice(a, b)]
+    return [group for group in groups if any(group in pair for pair in apart)]
+
+
+def frames_among(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
+    """Those of groups in conflict that are the frames, by names and kinds; several or none where that can't be told."""
+    left = [group for group in groups if not group.words & NO_FRAMES]
+    left = [group for group in left if not any(_is_smaller(group, other) for other in left if other is not group)]
+    eight = [group for group in left if group.bits == {8}]
+    left = [group for group in eight or left if len(group.bits) == 1]
+    colour = [group for group in left if True in group.colour]
+    left = colour or left
+    first = [group for group in left if not group.words & SECOND]
+    return first or left
+
+
+def _differ_in_colour(a: ImageGroup, b: ImageGroup) -> bool:
+    return len(a.colour) == len(b.colour) == 1 and a.colour != b.colour
+
+
+def _same_moments(a: ImageGroup, b: ImageGroup) -> bool:
+    """Whether half of the files have the numbers of files of the other group, or both are times of one span."""
+    numbers_a, numbers_b = ({tuple(map(int, NUMBERS.findall(f.stem))) for f in group.files} for group in (a, b))
+    shared = len(numbers_a & numbers_b)
+    if shared >= 2 and 2 * shared >= min(len(numbers_a), len(numbers_b)):
+        return True
+    times = all(len(str(max(numbers))) >= EPOCH_DIGITS for numbers in numbers_a | numbers_b)
+    return times and min(numbers_a) < max(numbers_b) and min(numbers_b) < max(numbers_a)
+
+
+def _same_names(a: ImageGroup, b: ImageGroup, part: float = 0.5) -> bool:
+    stems_a, stems_b = ({file.stem for file in group.files} for group in (a, b))
+    return len(stems_a & stems_b) >= max(2, part * min(len(stems_a), len(stems_b)))
+
+
+def _is_no_frame_beside(a: ImageGroup, b: ImageGroup) -> bool:
+    """Whether folder ``a`` has depth maps, masks or the like of the frames of ``b``."""
+    named = a.words & NO_FRAMES and not b.words & NO_FRAMES
+    return bool(named) and (_differ_in_colour(a, b) or _same_names(a, b) or _same_moments(a, b))
+
+
+def _is_smaller(a: ImageGroup, b: ImageGroup) -> bool:
+    """Whether folder ``a``, such as images_2, has the images of ``b``, images, so many times smaller."""
+    if not (found := re.fullmatch(re.escape(b.name) + r"_(\d+)", a.name)) or not (a.size and b.size):
+        return False
+    factor = int(found[1])
+    scaled = all(abs(small * factor - large) <= factor for small, large in zip(a.size, b.size, strict=True))
+    return factor > 1 and scaled and _same_names(a, b)
+
+
+def _twice(a: ImageGroup, b: ImageGroup) -> bool:
+    """Whether both have the same frames, one grey and one in colour: names and size agree."""
+    same = {file.stem for file in a.files} == {file.stem for file in b.files}
+    return same and a.size == b.size and _differ_in_colour(a, b)
