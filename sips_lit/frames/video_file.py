@@ -48,7 +48,7 @@ class VideoFrame:
 
     def colour(self) -> NDArray[np.uint8]:
         """BGR (H, W, 3) as OpenCV decodes it, turned upright where the file says how the camera was held."""
-        return np.asarray(self._upright(self.decoded.to_ndarray(format="bgr24")), np.uint8)
+        return np.asarray(self._upright(self._as("bgr24")), np.uint8)
 
     @property
     def deep(self) -> bool:
@@ -60,11 +60,14 @@ class VideoFrame:
         """BGR as `colour` gives it; of a deep grey frame its 16-bit values (H, W), scaled by the decoder to all 16 bits."""
         if not self.deep:
             return self.colour()
-        return self._upright(self.decoded.to_ndarray(format="gray16le"))
+        return self._upright(self._as("gray16le"))
 
     def grey(self, span: Span) -> GreyImage:
         """Grey (H, W), upright; deep values are scaled by ``span``."""
         return to_grey(self.values(), "a frame", span)
+
+    def _as(self, form: str) -> NDArray[Any]:
+        return self.decoded.reformat(format=form, interpolation="BICUBIC").to_ndarray()  # as OpenCV has it
 
     def _upright(self, image: NDArray[Any]) -> NDArray[Any]:
         return np.ascontiguousarray(np.rot90(image, round(self.decoded.rotation / 90)))

@@ -147,6 +147,20 @@ def test_frames_equal_those_of_opencv(whole: Path):
     np.testing.assert_array_equal([frame.grey(FULL) for frame in VideoFile(whole)], decoded(whole))
 
 
+@pytest.mark.parametrize("size", [(319, 240), (320, 239), (321, 237)])
+def test_odd_sizes_equal_those_of_opencv(tmp_path: Path, size: tuple[int, int]):
+    """Their chroma is interpolated."""
+    path = tmp_path / "odd.mpg"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mpeg2video", rate=25)
+        stream.width, stream.height, stream.pix_fmt, stream.bit_rate = *size, "yuv420p", 2_000_000
+        for image in flight(6, size=size).frames:
+            colour = cv2.applyColorMap(image, cv2.COLORMAP_JET)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(colour, "bgr24").reformat(format="yuv420p")))
+        container.mux(stream.encode(None))
+    np.testing.assert_array_equal([frame.grey(FULL) for frame in VideoFile(path)], decoded(path))
+
+
 @pytest.mark.shared_data
 @pytest.mark.parametrize("name", ["base.mp4", "gap.mp4", "vfr.webm", "drop.avi", "av1.mp4", "cam.MTS", "pi.h264"])
 def test_whole_files_that_cameras_write(shared_cases: Path, name: str):
