@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -12,6 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from sips_lit.archives.h5 import H5File
+from sips_lit.archives.npz import read_npz
 from sips_lit.errors import BadInputError
 
 
@@ -77,13 +77,8 @@ class NpzFolder:
         path = self._file(image)
         if path is None:
             raise BadInputError(f"{self.folder} has no features of {image}: add {image.with_suffix('.npz')}")
-        try:
-            with np.load(path, allow_pickle=False) as stored:
-                held = dict(stored)
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise BadInputError(f"{path} can't be read as npz: it is damaged, or of another kind") from error
         own = {"kpts": "keypoints", "descs": "descriptors"}
-        return _saved({str(own.get(key, key)): values for key, values in held.items()}, str(path))
+        return _saved({own.get(key, key): values for key, values in read_npz(path).items()}, str(path))
 
 
 class HlocFile:
@@ -91,9 +86,8 @@ class HlocFile:
 
     def __init__(self, path: Path) -> None:
         """Raises BadInputError where h5py is missing or ``path`` is not such a file."""
-        self.path = path
-        with self._open() as file:
-            self.names = frozenset(_image_groups(file))
+        self.path, self._file = path, H5File(path)
+        self.names = frozenset(self._file.groups_with("keypoints"))
         if not self.names:
             raise BadInputError(f"{path} holds no keypoints: give a file of local features that hloc wrote")
 
@@ -106,53 +100,42 @@ class HlocFile:
         where = f"{image} in {self.path}"
         if not self.has(image):
             raise BadInputError(f"there are no features of {where}: extract them, too")
-        with self._open() as file:
-            held = {key: np.asarray(values) for key, values in file[str(image)].items()}
+        held = self._file.read(str(image), ("keypoints", "scores", "scales", "descriptors", "image_size"))
         if "descriptors" in held:
             held["descriptors"] = held["descriptors"].T
         return _saved(held, where)
 
-    def _open(self) -> Any:
-        try:
-            return importlib.import_module("h5py").File(self.path, "r")
-        except ImportError as error:
-            raise BadInputError(f"{self.path} needs the package h5py: pip install 'sips_lit[baselines]'") from error
-        except OSError as error:
-            raise BadInputError(f"{self.path} can't be read as h5: it is damaged, or of another kind") from error
-
-
-def _image_groups(file: Any) -> list[str]:
-    names: list[str] = []
-
-    def visit(name: str, _: Any) -> None:
-        if PurePosixPath(name).name == "keypoints":
-            names.append(str(PurePosixPath(name).parent))
-
-    file.visititems(visit)
-    return names
-
 
 def _saved(held: Mapping[str, NDArray[Any]], where: str) -> SavedFeatures:
-    """Checks what was read, with ``descriptors`` as (N, D), and gives it our types (hloc saves half precision)."""
-    xy = held.get("keypoints")
-    if xy is None:
+    """Checks what was read, with ``descriptors`` as (N, D), and gives it our types (hloc saves half precision).
+
+    Positions, scores and scales must be finite: others are of a damaged file. Descriptors may be not: those points are
+    dropped and counted, as those of any detector.
+    """
+    if "keypoints" not in held:
         raise BadInputError(
             f"{where} has no keypoints, only {', '.join(held) or 'nothing'}: give files of local features"
         )
-    count = len(xy) if xy.ndim == 2 and xy.shape[1] == 2 else -1
-    rest = {key: np.asarray(held[key]) for key in ("scores", "scales", "descriptors") if key in held}
-    dimensions = {"scores": 1, "scales": 1, "descriptors": 2}
-    if count < 0 or any(v.ndim != dimensions[key] or len(v) != count for key, v in rest.items()):
-        shapes = ", ".join(f"{key} {values.shape}" for key, values in {"keypoints": xy, **rest}.items())
-        raise BadInputError(f"{where} has arrays that do not belong together ({shapes}): write the file again")
-    descriptors = rest.get("descriptors")
-    if descriptors is not None and descriptors.dtype != np.uint8:
-        descriptors = descriptors.astype(np.float32)
-    size = held.get("image_size")
+    count = len(held["keypoints"]) if held["keypoints"].ndim else 0
+    shapes = {"keypoints": (count, 2), "scores": (count,), "scales": (count,), "image_size": (2,)}
+    known = {key: values for key, values in held.items() if key in shapes or key == "descriptors"}
+    shapes["descriptors"] = (count, *known["descriptors"].shape[-1:]) if "descriptors" in known else ()
+    if any(values.dtype.kind == "U" or values.shape != shapes[key] for key, values in known.items()):
+        given = ", ".join(f"{key} {values.shape}" for key, values in known.items())
+        raise BadInputError(f"{where} has arrays that do not belong together ({given}): write the file again")
+    with np.errstate(over="ignore"):
+        single = {key: values.astype(np.float32) for key, values in known.items()}
+    for key, values in single.items():
+        if key != "descriptors" and not np.isfinite(values).all():
+            raise BadInputError(
+                f"{where} has {key} that are not finite: it is damaged, or write it without such points"
+            )
+    binary = "descriptors" in known and known["descriptors"].dtype == np.uint8
+    size = single.get("image_size")
     return SavedFeatures(
-        xy.astype(np.float32),
-        rest["scores"].astype(np.float32) if "scores" in rest else None,
-        rest["scales"].astype(np.float32) if "scales" in rest else None,
-        descriptors,
+        single["keypoints"],
+        single.get("scores"),
+        single.get("scales"),
+        known["descriptors"] if binary else single.get("descriptors"),
         None if size is None else (int(size[0]), int(size[1])),
     )
