@@ -19,6 +19,8 @@ from sips_lit.frames.images import read_stored
 from sips_lit.geometry.fov_camera import FovCamera, crop_camera, full_camera
 from sips_lit.types import Camera, FloatArray, GreyImage
 
+LARGEST_ZOOM = 16  # times as many pixels in a rectified image
+
 
 def read_fov_camera(file: Path) -> FovCamera:
     """The camera of the first two lines: ``fx fy cx cy omega``, and the size of its images in pixels.
@@ -42,6 +44,10 @@ def read_rectified_camera(file: Path, camera: FovCamera) -> Camera:
     """
     (line, words), last = _rows(file)[2:4]
     size = _size(file, last)
+    if size[0] * size[1] > LARGEST_ZOOM * camera.size[0] * camera.size[1]:
+        raise BadInputError(
+            f"line {last[0]} of {file} asks for images of over {LARGEST_ZOOM} times the pixels that there are"
+        )
     if words == ["none"]:
         raise BadInputError(
             f"line {line} of {file} is none, no rectification: write crop there, or set data.geometric=false"
@@ -91,12 +97,14 @@ def read_inverse_response(path: Path) -> NDArray[np.float64]:
             f"line {line} of {path} has {len(fields)} values: the inverse response has 256, one for each grey value"
         )
     values = np.array(to_numbers(path, line, fields))
-    falls = np.flatnonzero(np.diff(values) <= 0)
+    falls = np.flatnonzero(~(np.diff(values) > 0))
     if len(falls):
         raise BadInputError(
             f"the inverse response in {path} does not rise from value {falls[0]} to {falls[0] + 1}: each of the 256 numbers "
             "must be larger than the one before"
         )
+    if not values[-1] - values[0] < 1e9:
+        raise BadInputError(f"the inverse response in {path} reaches {values[-1]:g}: it is damaged, download it again")
     return np.asarray(255 * (values - values[0]) / (values[-1] - values[0]), np.float64)
 
 

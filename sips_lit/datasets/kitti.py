@@ -34,6 +34,8 @@ LAYOUT = (
     "and, where they are published, times.txt and poses/00.txt beside sequences/"
 )
 PLACES = ("sequences/[0-9][0-9]/", "dataset/sequences/[0-9][0-9]/", "[0-9][0-9]/")  # of its sequences
+LARGEST_CONDITION = 1e9  # of a camera matrix in pixels: about the square of its focal length
+LONGEST_BASELINE = 100.0  # metres
 log = logging.getLogger(__name__)
 
 
@@ -62,6 +64,11 @@ class KittiSequence(MeasuredSequence, FolderSequence):
             expect_files(partners, "right images", hint)
             self._right = FolderSequence(right_folder, partners, max_side)
             self._baseline = float((offset(P) - offset(projections[number + 1]))[0])
+            if not 0 < self._baseline < LONGEST_BASELINE:
+                raise BadInputError(
+                    f"{folder / 'calib.txt'} says that the right camera is {self._baseline:g} m to the right of the left "
+                    "one: download it again"
+                )
         read, listed = [folder / "calib.txt"], 0
         if poses_file.exists():
             read.append(poses_file)
@@ -153,7 +160,10 @@ def read_projections(file: Path) -> dict[int, NDArray[np.float64]]:
             raise BadInputError(
                 f"line {line} of {file} is no 3x4 projection with positive focal lengths: it has {fields[1:]}"
             )
-        projections[int(fields[0][1])] = np.array(numbers).reshape(3, 4)
+        P = np.array(numbers).reshape(3, 4)
+        if not np.linalg.cond(P[:, :3]) < LARGEST_CONDITION:
+            raise BadInputError(f"line {line} of {file} is the projection of no camera: its 3x3 part is singular")
+        projections[int(fields[0][1])] = P
     return projections
 
 

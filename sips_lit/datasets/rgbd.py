@@ -102,14 +102,17 @@ def _read_camera(file: Path) -> tuple[Camera, float]:
         stored = json.loads(file.read_text(encoding="utf-8"))
         fx, fy, cx, cy, unit = (float(stored[key]) for key in ("px", "py", "u0", "v0", "depthScale"))
         size = int(stored["w"]), int(stored["h"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise BadInputError(
             f"{file} must be JSON with the numbers px, py, u0, v0 (pixels), w, h and depthScale (metres): {error!r}"
         ) from error
     model = stored.get("model", "perspectiveProjWithoutDistortion")
     if model != "perspectiveProjWithoutDistortion" or not min(fx, fy, unit, *size) > 0:
         raise BadInputError(f"{file} must be of a camera without distortion, with positive px, py, w, h and depthScale")
-    return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), size), unit
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    if not (np.isfinite(matrix).all() and unit <= 1):
+        raise BadInputError(f"{file} must have finite px, py, u0 and v0, and a depthScale of 1 metre at most")
+    return Camera(matrix, size), unit
 
 
 def _without_incomplete(folder: Path, frames: RgbdFrames, drop: bool) -> RgbdFrames:

@@ -194,7 +194,10 @@ class VideoFile:
             stream, name = self._stream(container), container.format.name
             again = _taken(messages, name)
             if again:  # libav has read ahead to open it: read that again, to learn which packet the message is about
-                container.seek(0, stream=stream)
+                try:
+                    container.seek(0, stream=stream)
+                except av.FFmpegError:  # then nothing tells; the first is as likely as any
+                    survey.complaints.add(0)
             for packet in _packets(container, stream):
                 said = _taken(messages, name) and not (again and number == 0)
                 if packet.is_corrupt or said:
@@ -214,7 +217,7 @@ class VideoFile:
 
     def _open(self) -> InputContainer:
         try:
-            return av.open(str(self.path.absolute()))
+            return av.open(str(self.path.absolute()), metadata_errors="replace")
         except av.FFmpegError as error:
             if isinstance(error, OSError) and not self.path.is_file():
                 raise BadInputError(f"cannot read the video {self.path}: {error.strerror}") from error

@@ -45,7 +45,10 @@ class Rectifier:
 
 
 def rectify_mono(lens: LensCamera) -> Rectifier:
-    """An undistorted view of the same size, with square pixels and none from outside the image."""
+    """An undistorted view of the same size, with square pixels and none from outside the image.
+
+    Raises BadInputError when there is none.
+    """
     stretched, _ = cv2.getOptimalNewCameraMatrix(lens.matrix, lens.distortion, lens.size, 0)
     matrix = np.array(stretched, np.float64)
     matrix[0, 0] = matrix[1, 1] = max(matrix[0, 0], matrix[1, 1])  # zooms in along one axis
@@ -56,7 +59,8 @@ def rectify_stereo(left: LensCamera, right: LensCamera, T_right_left: FloatArray
     """Rectifiers of both cameras and the baseline in the unit of ``T_right_left`` (4, 4).
 
     Both have one camera matrix: a point at (x, y) on the left is at (x - focal * baseline / depth, y) on the right. The zoom
-    leaves no pixel from outside the images. Raises BadInputError when the second camera is not to the right of the first.
+    leaves no pixel from outside the images. Raises BadInputError when the second camera is not to the right of the first,
+    or a lens shows too little.
     """
     R, t = T_right_left[:3, :3], T_right_left[:3, 3]
     R0, R1, P0, P1, *_ = cv2.stereoRectify(
@@ -73,6 +77,11 @@ def rectify_stereo(left: LensCamera, right: LensCamera, T_right_left: FloatArray
 
 
 def _rectifier(lens: LensCamera, rotation: NDArray[Any], matrix: NDArray[Any]) -> Rectifier:
+    if not (np.isfinite(matrix).all() and np.isfinite(rotation).all() and min(matrix[0, 0], matrix[1, 1]) > 0):
+        raise BadInputError(
+            f"no pinhole camera shows the images of a lens with distortion {np.round(lens.distortion, 6)} and intrinsics "
+            f"{np.round(lens.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], 3)}: correct them, or set data.rectify=false"
+        )
     x, y = cv2.initUndistortRectifyMap(lens.matrix, lens.distortion, rotation, matrix, lens.size, cv2.CV_32FC1)
     camera = Camera(np.asarray(matrix, np.float64), lens.size)
     return Rectifier(camera, np.asarray(rotation, np.float64), np.asarray(x), np.asarray(y))

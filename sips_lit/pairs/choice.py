@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -133,7 +134,7 @@ def read_pair_file(path: str | Path, sequences: Sequence[ImageSequence]) -> list
 def _frame(text: str, sequence: ImageSequence, names: dict[str, int], where: str) -> int:
     if text in names:
         return names[text]
-    if text.isascii() and text.isdigit() and int(text) < len(sequence):
+    if re.fullmatch("[0-9]{1,18}", text) and int(text) < len(sequence):
         return int(text)
     raise BadInputError(
         f"{where} names frame {text}, which {sequence.name} lacks: "

@@ -73,7 +73,7 @@ def test_timed_images(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("#t\n12,a.png\nx,b.png\n", r"line 3 of .*data\.csv is not a time in nanoseconds"),
+        ("#t\n12,a.png\nx,b.png\n", r"line 3 of .*data\.csv has 'x', not a time in nanoseconds"),
         ("12 a.png\n", "line 1 of .* is not a time"),
         ("13,a.png\n12,b.png\n", r"line 2 of .*data\.csv is not later"),
         ("#t\n", "lists 0 images"),
