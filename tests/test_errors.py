@@ -2,7 +2,7 @@ import pickle
 
 import pytest
 
-from sips_lit.errors import BadInputError, TrainingInterrupted
+from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted, warn_input
 
 
 @pytest.mark.parametrize("kind", [BadInputError, TrainingInterrupted])
@@ -23,3 +23,12 @@ def test_an_interruption_is_nothing_that_code_recovers_from():
     """A method that fails is skipped and the next one measured, but Ctrl-C has to end the command."""
     assert not issubclass(TrainingInterrupted, ValueError)
     assert not issubclass(BadInputError, TrainingInterrupted)
+
+
+def test_what_is_quoted_from_a_file_stays_on_the_line():
+    error = BadInputError("a\x1b[2J\n\0é/" + "9" * 5000 + " is no number")
+    assert str(error) == r"a\x1b[2J\n\x00é/" + "9" * (500 - len(r"a\x1b[2J\n\x00é/")) + "... is no number"
+    path = "/" + "/".join(["folder"] * 100)
+    assert str(BadInputError(f"there is no {path}")) == f"there is no {path}"
+    with pytest.warns(InputWarning, match=r"two\\nlines"):
+        warn_input("two\nlines")

@@ -24,6 +24,7 @@ from sips_lit.errors import BadInputError
 
 SECONDS = 10.0  # for an answer, and more for large files:
 BYTES_A_SECOND = 20e6  # to list the groups of a file takes longer, the more there are
+READY = b"!"  # what the child says when it has loaded its libraries
 MEMORY = 3 * LARGEST  # bytes that the child may use
 
 
@@ -83,6 +84,8 @@ class H5File:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )
+        assert self._child.stdout
+        self._child.stdout.read(len(READY))  # on a busy machine that takes seconds, which are not those of the file
         self._owner = os.getpid()
         weakref.finalize(self, _stop, self._child, self._owner)
         return self._child
@@ -105,6 +108,8 @@ def _serve(path: str, requests: IO[bytes], replies: IO[bytes]) -> None:
     import h5py
 
     _limit_memory(MEMORY)
+    replies.write(READY)
+    replies.flush()
     file = None
     while True:
         try:

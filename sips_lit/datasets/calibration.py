@@ -19,6 +19,7 @@ from sips_lit.frames.images import read_stored
 from sips_lit.geometry.fov_camera import FovCamera, crop_camera, full_camera
 from sips_lit.types import Camera, FloatArray, GreyImage
 
+LARGEST_SIDE = 2**16  # pixels
 LARGEST_ZOOM = 16  # times as many pixels in a rectified image
 
 
@@ -151,7 +152,7 @@ def _numbers(file: Path, row: tuple[int, list[str]], count: int, what: str) -> l
 
 def _size(file: Path, row: tuple[int, list[str]]) -> tuple[int, int]:
     width, height = _numbers(file, row, 2, "width height")
-    if min(width, height) < 2 or width % 1 or height % 1:
+    if min(width, height) < 2 or max(width, height) > LARGEST_SIDE or width % 1 or height % 1:
         raise BadInputError(f"line {row[0]} of {file} is no size of an image: {width:g} {height:g}")
     return int(width), int(height)
 

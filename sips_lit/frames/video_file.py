@@ -27,6 +27,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage
 
 logging.getLogger("libav").setLevel(logging.CRITICAL + 1)  # what other threads say meanwhile is not for the user
+MOST_PIXELS = 2**26  # of a frame; a damaged header may ask for memory without end
 _CODEC = re.compile(r"Video: (?:none \()?([^,/]+)")
 _LOGGING = threading.Lock()  # the level of libav's messages belongs to the process
 
@@ -151,6 +152,7 @@ class VideoFile:
             stream = self._stream(container)
             stream.thread_type = "NONE"  # threads mark damaged frames later, or not at all
             stream.codec_context.copy_opaque = True
+            stream.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
             for number, packet in enumerate(_packets(container, stream)):
                 packet.opaque = number
                 frames = [] if packet.is_corrupt else self._guarded(packet.decode)

@@ -146,6 +146,9 @@ def _overlap(fields: list[str], where: str) -> float:
     if not fields or not fields[0]:
         return math.nan
     try:
-        return float(fields[0])
-    except ValueError as error:
-        raise BadInputError(f"{where} has {fields[0]} as its overlap: give a number, or leave it out") from error
+        overlap = float(fields[0])
+    except ValueError:
+        overlap = math.inf
+    if not (0 <= overlap <= 1 or math.isnan(overlap)):
+        raise BadInputError(f"{where} has {fields[0]} as its overlap: give a number from 0 to 1, or leave it out")
+    return overlap

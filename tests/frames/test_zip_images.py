@@ -246,3 +246,9 @@ def test_members_that_lie_about_their_size(tmp_path: Path):
     claim(path, 50_000_001)
     with pytest.raises(BadInputError, match=r"0\.png in .*bomb\.zip is damaged"):
         ZipSequence(path).frame(0)
+
+
+def test_names_longer_than_those_of_files(tmp_path: Path):
+    path = write_zip(tmp_path / "a.zip", name="9" * 5000 + "{}.jpg")
+    with pytest.raises(BadInputError, match="longer than that of any file"):
+        ZipSequence(path)

@@ -91,3 +91,10 @@ def test_sides():
     above[1, 3] = -0.1
     with pytest.raises(BadInputError, match="not to the right of the first"):
         rectify_stereo(LEFT, RIGHT, above)
+
+
+@pytest.mark.parametrize("distortion", [(1e300, 0, 0, 0), (1e9, 1e9, 0, 0)])
+def test_a_lens_that_shows_nothing_is_refused(distortion):
+    lens = LensCamera(LEFT.matrix, np.array(distortion), LEFT.size)
+    with pytest.raises(BadInputError, match=r"no pinhole camera shows .* set data\.rectify=false"):
+        rectify_mono(lens)
