@@ -22,6 +22,8 @@ LAYOUT = (
 )
 MOST_PIXELS = 2**25  # of an image: the tables of its rectification take 8 bytes for each
 MOST_BYTES = 2**20  # of a YAML file, which takes seconds to parse then
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ def read_sensor(file: Path) -> tuple[LensCamera, NDArray[np.float64]]:
         raise BadInputError(
             f"{file} has a focal length or size that is not positive, or a T_BS that is no rigid motion"
         )
-    if width % 1 or height % 1 or width * height > MOST_PIXELS:
+    if width % 1 or height % 1 or width > MOST_PIXELS / height:
         raise BadInputError(f"{file} has resolution: [{width:g}, {height:g}], which is no size of an image in pixels")
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     return LensCamera(matrix, distortion, (int(width), int(height))), T
@@ -133,14 +135,15 @@ def _read_yaml(file: Path) -> dict[str, Any]:
 
 def _numbers(content: dict[str, Any], key: str, counts: tuple[int, ...], file: Path) -> NDArray[np.float64]:
     value = content.get(key)
+    flat = isinstance(value, list) and len(value) in counts and not any(isinstance(v, list | dict) for v in value)
     try:
-        numbers = np.asarray(value, np.float64)
-    except (TypeError, ValueError, OverflowError, RecursionError):
-        numbers = np.zeros(())
-    if numbers.ndim != 1 or len(numbers) not in counts or not np.all(np.isfinite(numbers)):
+        numbers = np.asarray(value if flat else np.nan, np.float64)  # names for lists of lists may unfold to terabytes
+    except (TypeError, ValueError, OverflowError):
+        numbers = np.asarray(np.nan)
+    if not np.all(np.isfinite(numbers)):
         wanted = " or ".join(map(str, counts))
         where = "T_BS: data" if key == "data" else key
         raise BadInputError(
-            f"{file} has {where}: {reprlib.repr(value)}, which should be a list of {wanted} finite numbers"
+            f"{file} has {where}: {_SHORT.repr(value)}, which should be a list of {wanted} finite numbers"
         )
     return numbers

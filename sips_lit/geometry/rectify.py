@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError
 from sips_lit.types import Camera, FloatArray, GreyImage
 
-MOSTLY = 0.9  # of the pixels of a rectified image
+LARGEST_ZOOM = 10  # of a rectified image
+MOSTLY = 0.9  # of its pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +82,9 @@ def rectify_stereo(left: LensCamera, right: LensCamera, T_right_left: FloatArray
 def _rectifier(lens: LensCamera, rotation: NDArray[Any], matrix: NDArray[Any]) -> Rectifier:
     x, y = cv2.initUndistortRectifyMap(lens.matrix, lens.distortion, rotation, matrix, lens.size, cv2.CV_32FC1)
     inside = (x > -1) & (x < lens.size[0]) & (y > -1) & (y < lens.size[1])
+    zoom = matrix.diagonal()[:2] / lens.matrix.diagonal()[:2]
     # the zoom leaves no pixel from outside, unless numbers are damaged: OpenCV makes something of any
-    if not (np.isfinite(matrix).all() and min(matrix[0, 0], matrix[1, 1]) > 0 and inside.mean() > MOSTLY):
+    if not (np.isfinite(matrix).all() and zoom.min() > 0 and zoom.max() < LARGEST_ZOOM and inside.mean() > MOSTLY):
         raise BadInputError(
             f"no pinhole camera shows the images of a lens with distortion {np.round(lens.distortion, 6)} and intrinsics "
             f"{np.round(lens.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], 3)}: correct them, or set data.rectify=false"

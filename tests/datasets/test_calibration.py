@@ -75,7 +75,7 @@ def test_numbers_of_a_rectified_camera(tmp_path: Path):
         (3, "0.4 0.6 0.5 0.5 0.1", r"line 3 of .* ends in 0\.1: .* write 0"),
         (3, "0.4 0.6 1.5 0.5 0", r"line 3 of .* centre between 0 and 1"),
         (2, "1e300 512", r"line 2 of .* is no size"),
-        (4, "80000 60000", r"line 4 of .* asks for images of over 16 times the pixels"),
+        (4, "60000 60000", r"line 4 of .* asks for images of over 16 times the pixels"),
         (4, "crop", r"line 4 of .* is 'crop', not width height"),
     ],
 )

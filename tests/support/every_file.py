@@ -186,7 +186,7 @@ def read_pairs(folder: Path, file: Path) -> None:
     for pair in read_pair_file(file, image_folder(folder / "images")):
         assert 0 <= pair.index0 < 3
         assert 0 <= pair.index1 < 3
-        assert not pair.overlap < 0 or pair.overlap > 1
+        assert np.isnan(pair.overlap) or 0 <= pair.overlap <= 1
 
 
 def make_caches(folder: Path) -> None:
