@@ -4,6 +4,7 @@ within its process can stop it: a child process reads them, with limits of time 
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import math
 import os
@@ -76,7 +77,8 @@ class H5File:
 
     def _start(self) -> subprocess.Popen[bytes]:
         # -P: no module is loaded from the current folder; the last variable: no filter is loaded from the system's folders
-        environment = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "HDF5_PLUGIN_PRELOAD": "::"}
+        paths = [str(Path(__file__).parents[2]), *filter(None, sys.path)]
+        environment = {"PYTHONPATH": os.pathsep.join(paths), "HDF5_PLUGIN_PRELOAD": "::"}
         self._child = subprocess.Popen(
             [sys.executable, "-P", "-m", __name__, str(self.path)],
             env=os.environ | environment | {"OPENBLAS_NUM_THREADS": "1"},
@@ -105,12 +107,13 @@ def _stop(child: subprocess.Popen[bytes], owner: int) -> None:
 
 def _serve(path: str, requests: IO[bytes], replies: IO[bytes]) -> None:
     """What the child does: answers requests until their end; None where the file can't be read."""
-    import h5py
+    h5py = importlib.import_module("h5py")
 
     _limit_memory(MEMORY)
     replies.write(READY)
     replies.flush()
-    file = None
+    file: Any = None
+    reply: Any = None
     while True:
         try:
             kind, *arguments = pickle.load(requests)
@@ -118,7 +121,7 @@ def _serve(path: str, requests: IO[bytes], replies: IO[bytes]) -> None:
             return
         try:
             file = file or h5py.File(path, "r")
-            reply = {"groups": _groups_with, "arrays": _arrays}[kind](file, *arguments)
+            reply = _groups_with(file, *arguments) if kind == "groups" else _arrays(file, *arguments)
         except Exception:  # damaged bytes make h5py raise almost anything
             reply = None
         pickle.dump(reply, replies)
@@ -141,7 +144,7 @@ def _groups_with(file: Any, wanted: str) -> list[str]:
 
 
 def _arrays(file: Any, group: str, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    import h5py
+    h5py = importlib.import_module("h5py")
 
     held, parent = {}, file[group]
     links = {name: parent.get(name, getlink=True) for name in names}

@@ -11,7 +11,16 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import expect, expect_files, is_pose, listed_file, read_rows, read_table, to_integer
+from sips_lit.datasets.layout import (
+    expect,
+    expect_camera,
+    expect_files,
+    is_pose,
+    listed_file,
+    read_rows,
+    read_table,
+    to_integer,
+)
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.pose import to_rotation
 from sips_lit.geometry.rectify import LensCamera
@@ -66,7 +75,9 @@ def read_sensor(file: Path) -> tuple[LensCamera, NDArray[np.float64]]:
     if width % 1 or height % 1 or width > MOST_PIXELS / height:
         raise BadInputError(f"{file} has resolution: [{width:g}, {height:g}], which is no size of an image in pixels")
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    return LensCamera(matrix, distortion, (int(width), int(height))), T
+    size = int(width), int(height)
+    expect_camera(matrix, size, file)
+    return LensCamera(matrix, distortion, size), T
 
 
 def read_timed_images(camera: Path) -> TimedImages:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import expect_size, read_rows, to_numbers
+from sips_lit.datasets.layout import expect_camera, expect_size, read_rows, to_numbers
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_stored
 from sips_lit.geometry.fov_camera import FovCamera, crop_camera, full_camera
@@ -166,4 +166,6 @@ def _matrix(file: Path, line: int, values: list[float], size: tuple[int, int]) -
             "lengths must be positive and the centre between 0 and 1"
         )
     width, height = size
-    return np.array([[fx * width, 0, cx * width - 0.5], [0, fy * height, cy * height - 0.5], [0, 0, 1]], np.float64)
+    matrix = np.array([[fx * width, 0, cx * width - 0.5], [0, fy * height, cy * height - 0.5], [0, 0, 1]], np.float64)
+    expect_camera(matrix, size, file)
+    return matrix

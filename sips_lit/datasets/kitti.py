@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import (
     expect,
+    expect_camera,
     expect_files,
     files_fingerprint,
     read_pose_rows,
@@ -55,6 +56,7 @@ class KittiSequence(MeasuredSequence, FolderSequence):
         if number not in projections:
             raise BadInputError(f"{folder / 'calib.txt'} has no line P{number}:, the camera of image_{number}")
         P = projections[number]
+        expect_camera(P[:, :3], self.size, folder / "calib.txt")
         self._camera = resize_camera(Camera(P[:, :3], self.size), shrunk_size(self.size, max_side))
         self._right: FolderSequence | None = None
         right_folder = folder / f"image_{number + 1}"

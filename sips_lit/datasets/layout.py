@@ -19,6 +19,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.files import LONGEST_NAME, read_text
 
 SHOWN = 6  # names that an error lists
+NEAREST, FARTHEST = 0.01, 1000  # focal lengths, in sides of an image: of a fisheye, and of a telescope
 FURTHEST = 1e9  # metres from the origin that a camera may be
 
 
@@ -161,7 +162,19 @@ def is_pose(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     R = poses[:, :3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
-        return (off <= 1e-2) & (np.linalg.det(R) > 0) & (np.abs(poses[:, :3, 3]) <= FURTHEST).all(1)
+        rigid = (off <= 1e-2) & (np.linalg.det(R) > 0) & (np.abs(poses[:, :3, 3]) <= FURTHEST).all(1)
+    return np.asarray(rigid, np.bool_)
+
+
+def expect_camera(matrix: NDArray[np.float64], size: tuple[int, int], file: Path) -> None:
+    """Raises BadInputError where a camera matrix (3, 3) in pixels can't be that of images of ``size`` (W, H)."""
+    (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
+    side = max(size)
+    if not (NEAREST * side <= min(fx, fy) and max(fx, fy, abs(cx), abs(cy)) <= FARTHEST * side):  # also for NaN
+        raise BadInputError(
+            f"{file} has focal lengths {fx:g}, {fy:g} and the centre {cx:g}, {cy:g} (pixels), which can't be of images of "
+            f"{size[0]}x{size[1]}: correct it, or download it again"
+        )
 
 
 def files_fingerprint(files: Iterable[Path], *options: object) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.archives.npz import npz_members, read_array
-from sips_lit.datasets.layout import expect, files_fingerprint, read_pose_rows, read_table, wrong_layout
+from sips_lit.datasets.layout import expect, expect_camera, files_fingerprint, read_pose_rows, read_table, wrong_layout
 from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
@@ -37,6 +37,7 @@ class PosedDepthSequence(FolderSequence, MeasuredSequence):
         poses, camera = expect(folder / "poses.txt", LAYOUT), expect(folder / "cam.txt", LAYOUT)
         self.archive = _archive(folder)
         self._camera = Camera(read_camera_matrix(camera), self.size)
+        expect_camera(self._camera.matrix, self.size, camera)
         self._poses = read_pose_rows(poses)
         if len(self._poses) != len(files):
             raise BadInputError(

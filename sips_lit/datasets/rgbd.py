@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sips_lit.datasets.layout import expect, read_pose_rows, wrong_layout
+from sips_lit.datasets.layout import expect, expect_camera, read_pose_rows, wrong_layout
 from sips_lit.datasets.rgbd_sequence import RgbdFrames, RgbdSequence
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.datasets.tum_rgbd import read_tum
@@ -110,8 +110,9 @@ def _read_camera(file: Path) -> tuple[Camera, float]:
     if model != "perspectiveProjWithoutDistortion" or not min(fx, fy, unit, *size) > 0:
         raise BadInputError(f"{file} must be of a camera without distortion, with positive px, py, w, h and depthScale")
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    if not (np.isfinite(matrix).all() and unit <= 1):
-        raise BadInputError(f"{file} must have finite px, py, u0 and v0, and a depthScale of 1 metre at most")
+    expect_camera(matrix, size, file)
+    if not unit <= 1:
+        raise BadInputError(f"{file} has depthScale {unit:g}: a step of the depth maps is 1 metre at most")
     return Camera(matrix, size), unit
 
 

@@ -8,6 +8,13 @@ from pathlib import Path
 import numpy as np
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "mutate_files.py"
+ENDS = {
+    "refuses": "-",
+    "fails": "1 FAILED",
+    "crashes": "1 CRASHED",
+    "fills": "1 OVER MEMORY",
+    "hangs": "1 HUNG",
+}
 
 
 def test_damaged_files_are_read_or_refused_with_a_sentence():
@@ -49,21 +56,11 @@ KINDS = [kind("refuses", refuse), kind("fails", lambda file: 1 / 0), kind("crash
     command = [sys.executable, script, "--files", "5", "--keep", tmp_path / "kept"]
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode == 1
-    lines = [line for line in run.stdout.splitlines() if not line.startswith("---")]
-    ends = {line.split()[0]: line.split("  ")[-1] for line in lines if line.split()[0] in ends_of}
-    assert ends == ends_of
+    rows = [line.split("  ") for line in run.stdout.splitlines() if line.startswith(tuple(ENDS))]
+    assert {row[0].split()[0]: row[-1] for row in rows} == ENDS
     assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == [
         f"{name}-0-a" for name in ("crashes", "fails", "fills", "hangs")
     ]
-
-
-ends_of = {
-    "refuses": "-",
-    "fails": "1 FAILED",
-    "crashes": "1 CRASHED",
-    "fills": "1 OVER MEMORY",
-    "hangs": "1 HUNG",
-}
 
 
 def test_mutations_are_seeded_and_of_all_sorts():

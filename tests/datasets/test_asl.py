@@ -34,6 +34,7 @@ def test_sensor(tmp_path: Path, header: str):
         ("[57.3, ", "[", r"has intrinsics: \[57\.1, .* list of 4 finite numbers"),
         ("[57.3, ", "[.nan, ", "has intrinsics"),
         ("[57.3, ", "[-57.3, ", "not positive"),
+        ("[57.3, ", "[1e6, ", r"has focal lengths 1e\+06, 57\.1 and the centre .* can't be of images of 94x60"),
         ("[57.3, ", "[{a: 1}, ", "has intrinsics"),
         ("[57.3, ", "[1e999, ", "has intrinsics"),
         ("[57.3, ", f"[{'9' * 400}, ", "has intrinsics"),

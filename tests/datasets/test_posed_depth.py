@@ -70,6 +70,11 @@ def save_some(folder: Path) -> None:
         (lambda f: (f / "poses.txt").write_text("\n".join(POSES).replace("0.5", "nan")), r"line 2 of .*poses\.txt"),
         (lambda f: (f / "cam.txt").write_text("50 0 31.5\n0 50 23.5\n"), r"cam\.txt has no camera matrix"),
         (lambda f: (f / "cam.txt").write_text("0 0 31.5\n0 50 23.5\n0 0 1\n"), r"cam\.txt has no camera matrix"),
+        (lambda f: (f / "cam.txt").write_text("inf 0 31.5\n0 50 23.5\n0 0 1\n"), r"line 1 of .*cam\.txt has 'inf'"),
+        (
+            lambda f: (f / "cam.txt").write_text("50 0 1e99\n0 50 23.5\n0 0 1\n"),
+            r"cam\.txt has focal .* of images of 64x48",
+        ),
         (lambda f: [p.unlink() for p in f.glob("*.png")], "with two images or more: .*has cam.txt, depth"),
     ],
 )
