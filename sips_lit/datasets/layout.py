@@ -163,14 +163,15 @@ def is_pose(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     with np.errstate(over="ignore", invalid="ignore"):
         off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
         rigid = (off <= 1e-2) & (np.linalg.det(R) > 0) & (np.abs(poses[:, :3, 3]) <= FURTHEST).all(1)
-    return np.asarray(rigid, np.bool_)
+    return np.asarray(rigid & (poses[:, 3] == (0, 0, 0, 1)).all(1), np.bool_)
 
 
 def expect_camera(matrix: NDArray[np.float64], size: tuple[int, int], file: Path) -> None:
     """Raises BadInputError where a camera matrix (3, 3) in pixels can't be that of images of ``size`` (W, H)."""
     (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
     side = max(size)
-    if not (NEAREST * side <= min(fx, fy) and max(fx, fy, abs(cx), abs(cy)) <= FARTHEST * side):  # also for NaN
+    possible = NEAREST * side <= min(fx, fy) and max(fx, fy, abs(cx), abs(cy)) <= FARTHEST * side
+    if not (possible and np.isfinite(matrix).all()):
         raise BadInputError(
             f"{file} has focal lengths {fx:g}, {fy:g} and the centre {cx:g}, {cy:g} (pixels), which can't be of images of "
             f"{size[0]}x{size[1]}: correct it, or download it again"

@@ -106,4 +106,4 @@ def _place(name: str, key: Callable[[str], Any]) -> tuple[Any, ...]:
 def _is_image(entry: zipfile.ZipInfo) -> bool:
     parts = SEPARATOR.split(entry.filename)
     hidden = any(part == "__MACOSX" or (part.startswith(".") and part not in (".", "..")) for part in parts)
-    return not entry.is_dir() and not hidden and PurePosixPath(parts[-1]).suffix.lower() in IMAGE_SUFFIXES
+    return not hidden and PurePosixPath(parts[-1]).suffix.lower() in IMAGE_SUFFIXES  # a folder's last part is empty

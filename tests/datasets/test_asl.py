@@ -63,6 +63,11 @@ def test_a_sensor_that_is_no_rigid_motion_or_empty(tmp_path: Path):
     replace(file, f"data: [{float(T_BODY_CAMERA[0][0, 0])!r}", "data: [2.0")
     with pytest.raises(BadInputError, match="no rigid motion"):
         read_sensor(file)
+    make_euroc(tmp_path / "other")
+    file = tmp_path / "other" / "mav0" / "cam0" / "sensor.yaml"
+    replace(file, "0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.0, 0.0]")
+    with pytest.raises(BadInputError, match="no rigid motion"):
+        read_sensor(file)
     file.write_text("%YAML:1.0\n")
     with pytest.raises(BadInputError, match="has no keys"):
         read_sensor(file)

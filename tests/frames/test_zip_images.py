@@ -111,6 +111,7 @@ def test_what_is_no_image_is_passed_over(tmp_path: Path):
     path = write_zip(tmp_path / "a.zip")
     with zipfile.ZipFile(path, "a") as archive:
         archive.mkdir("more")
+        archive.writestr(zipfile.ZipInfo("\0"), b"without a name")
         for name in ("notes.txt", "__MACOSX/._00000.jpg", ".hidden/1.jpg", "more/.x.jpg"):
             archive.writestr(name, b"no image")
     assert [member.filename for member in list_images(path)] == [f"{i:05d}.jpg" for i in range(4)]
