@@ -36,8 +36,9 @@ class PosedDepthSequence(FolderSequence, MeasuredSequence):
         super().__init__(folder, files)
         poses, camera = expect(folder / "poses.txt", LAYOUT), expect(folder / "cam.txt", LAYOUT)
         self.archive = _archive(folder)
-        self._camera = Camera(read_camera_matrix(camera), self.size)
-        expect_camera(self._camera.matrix, self.size, camera)
+        K = read_camera_matrix(camera)
+        expect_camera(K, self.size, camera)
+        self._camera = Camera(K, self.size)
         self._poses = read_pose_rows(poses)
         if len(self._poses) != len(files):
             raise BadInputError(

@@ -19,6 +19,7 @@ from sips_lit.types import GreyImage
 GREY_VERSION = 2  # part of the fingerprints of sequences: frames change when the way to grey does
 FEW_PIXELS = 2**25  # any file may claim so many
 MOST_PIXELS_A_BYTE = 200  # a black JPEG has 64 to 90
+PNG = b"\x89PNG\r\n\x1a\n"  # what such a file begins with
 HEADERS = ("JPEG", "PNG", "TIFF", "BMP", "PPM", "WEBP", "JPEG2000")
 warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)  # large photographs are welcome
 # channels and depth of the file, without alpha; the orientation tag is ignored, so that points are in pixels of the file
@@ -63,6 +64,8 @@ def _bytes(path: Path) -> bytes:
 
 
 def _decode(data: bytes, name: str, flags: int) -> NDArray[Any]:
+    if data.startswith(PNG) and not _is_whole_png(data):
+        data = b""  # OpenCV would allocate the gigabytes that a damaged length asks for
     pixels = _claimed_pixels(data)
     if pixels > max(FEW_PIXELS, MOST_PIXELS_A_BYTE * len(data)):
         raise BadInputError(f"{name} claims more pixels than its {len(data)} bytes can hold: replace it")
@@ -76,6 +79,17 @@ def _decode(data: bytes, name: str, flags: int) -> NDArray[Any]:
             f"{name} is not an image that OpenCV can read, or is truncated or damaged: replace or remove it"
         )
     return image
+
+
+def _is_whole_png(data: bytes) -> bool:
+    """Whether the chunks of a PNG file, as long as they say, lead to the last one."""
+    at = len(PNG)
+    while at + 8 <= len(data):
+        length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        at += 12 + length  # length, kind, content, checksum
+        if kind == b"IEND":
+            return at <= len(data)
+    return False
 
 
 def _claimed_pixels(data: bytes) -> int:

@@ -171,9 +171,12 @@ def _read_meta(cache: Path) -> dict[str, Any] | None:
     """What a finished cache says of itself; None if it is not finished or not whole."""
     try:
         meta: dict[str, Any] = json.loads((cache / "meta.json").read_text())
-        whole = (cache / "frames.u8").stat().st_size == int(np.prod(meta["shape"]))
+        count, height, width = shape = meta["shape"]
+        ends = [0, *meta["cuts"], count]
+        plain = all(type(number) is int for number in (*shape, *ends)) and ends == sorted(ends)
+        whole = plain and (cache / "frames.u8").stat().st_size == count * height * width
         return meta if whole and {"cuts", "damage", "more"} <= meta.keys() else None
-    except (OSError, ValueError, TypeError, KeyError):
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None
 
 

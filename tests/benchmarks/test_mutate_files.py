@@ -48,11 +48,11 @@ def refuse(file):
     raise BadInputError(f"{file} is damaged")
 
 KINDS = [kind("refuses", refuse), kind("fails", lambda file: 1 / 0), kind("crashes", lambda file: os.abort()),
-         kind("fills", lambda file: bytearray(10**9).count(0)), kind("hangs", lambda file: time.sleep(60))]
+         kind("fills", lambda file: b"x" * 10**9), kind("hangs", lambda file: time.sleep(60))]
 """
     )
     script = tmp_path / "benchmarks" / "mutate_files.py"
-    script.write_text(script.read_text().replace("SECONDS = 10.0", "SECONDS = 3.0"))
+    script.write_text(script.read_text().replace("SECONDS = 10.0", "SECONDS = 5.0"))
     command = [sys.executable, script, "--files", "5", "--keep", tmp_path / "kept"]
     run = subprocess.run(command, capture_output=True, text=True)
     assert run.returncode == 1

@@ -1,6 +1,7 @@
 """What comes out is compared with PIL, or with the numbers that went in."""
 
 import io
+import resource
 from pathlib import Path
 
 import cv2
@@ -271,3 +272,14 @@ def test_images_that_hardly_need_bytes_are_read():
     black = np.zeros((5000, 6600), np.uint8)
     for suffix in (".png", ".jpg", ".tif"):
         np.testing.assert_array_equal(decode_values(cv2.imencode(suffix, black)[1].tobytes(), "black"), black)
+
+
+def test_a_length_in_a_png_that_asks_for_gigabytes():
+    """OpenCV would allocate them, and fill them for seconds, before it finds that the file ends."""
+    data = cv2.imencode(".png", GREY)[1].tobytes()
+    np.testing.assert_array_equal(decode_values(data + b"some more", "a.png"), GREY)
+    at = data.index(b"IDAT") - 4
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(BadInputError, match=r"a\.png is not an image that OpenCV can read, or is truncated"):
+        decode_values(data[:at] + b"\xee" + data[at + 1 :], "a.png")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < before + 100_000  # kB
