@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import importlib
+import re
 import warnings
 from typing import Any
 
+LONGEST_WORD = 1000  # characters: a path is rarely as long
+
 
 class BadInputError(ValueError):
-    """Something given is unusable; the message says which file or key, what is wrong and what to do."""
+    """Something given is unusable; the message says which file or key, what is wrong and what to do.
+
+    It stays one line for the terminal, whatever is quoted from a file: control characters are escaped, endless words cut.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(_on_one_line(message))
 
 
 class TrainingInterrupted(Exception):  # noqa: N818 - not an error: the user asked for it
@@ -21,7 +30,7 @@ class InputWarning(UserWarning):
 
 def warn_input(message: str) -> None:
     """Warns of an input; the commands print it once, as one sentence."""
-    warnings.warn(message, InputWarning, stacklevel=3)
+    warnings.warn(_on_one_line(message), InputWarning, stacklevel=3)
 
 
 def import_extra(module: str, extra: str, needed_by: str) -> Any:
@@ -31,3 +40,8 @@ def import_extra(module: str, extra: str, needed_by: str) -> Any:
     except ImportError as error:
         package = module.partition(".")[0]
         raise BadInputError(f"{needed_by} needs the package {package}: pip install 'sips_lit[{extra}]'") from error
+
+
+def _on_one_line(message: str) -> str:
+    escaped = "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+    return re.sub(rf"(\S{{{LONGEST_WORD // 2}}})\S{{{LONGEST_WORD // 2},}}", r"\1...", escaped)

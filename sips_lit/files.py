@@ -10,6 +10,8 @@ from pathlib import Path
 
 from sips_lit.errors import BadInputError
 
+LONGEST_NAME = 255  # bytes of a file or folder's name on all common systems
+
 
 def make_folder(path: Path) -> None:
     """Makes a folder and those above it. Raises BadInputError when that is not possible."""

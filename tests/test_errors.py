@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from sips_lit.errors import BadInputError, TrainingInterrupted, import_extra
+from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted, import_extra, warn_input
 
 
 @pytest.mark.parametrize("kind", [BadInputError, TrainingInterrupted])
@@ -32,3 +32,12 @@ def test_a_missing_package_is_named_with_the_extra_that_has_it(monkeypatch):
     with pytest.raises(BadInputError, match=r"^Some needs the package kornia: pip install 'sips_lit\[baselines\]'$"):
         import_extra("kornia.feature", "baselines", "Some")
     assert import_extra("json", "test", "Some") is json
+
+
+def test_what_is_quoted_from_a_file_stays_on_the_line():
+    error = BadInputError("a\x1b[2J\n\0é/" + "9" * 5000 + " is no number")
+    assert str(error) == r"a\x1b[2J\n\x00é/" + "9" * (500 - len(r"a\x1b[2J\n\x00é/")) + "... is no number"
+    path = "/" + "/".join(["folder"] * 100)
+    assert str(BadInputError(f"there is no {path}")) == f"there is no {path}"
+    with pytest.warns(InputWarning, match=r"two\\nlines"):
+        warn_input("two\nlines")

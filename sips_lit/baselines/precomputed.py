@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import zipfile
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sips_lit.archives.h5 import H5File
+from sips_lit.archives.npz import read_npz
 from sips_lit.detect.base import BaseDetector, best_keypoints
-from sips_lit.errors import BadInputError, import_extra
+from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey
 from sips_lit.frames.listing import images_below
 from sips_lit.progress import progress
@@ -156,13 +157,8 @@ class NpzFolder:
         path = self._file(image)
         if path is None:
             raise BadInputError(f"{self.folder} has no features of {image}: add {image.with_suffix('.npz')}")
-        try:
-            with np.load(path, allow_pickle=False) as stored:
-                held = dict(stored)
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise BadInputError(f"{path} can't be read as npz: it is damaged, or of another kind") from error
         own = {"kpts": "keypoints", "descs": "descriptors"}
-        return _saved({str(own.get(key, key)): values for key, values in held.items()}, str(path))
+        return _saved({own.get(key, key): values for key, values in read_npz(path).items()}, str(path))
 
 
 class HlocFile:
@@ -170,47 +166,53 @@ class HlocFile:
 
     def __init__(self, path: Path) -> None:
         """Raises BadInputError where h5py is missing or ``path`` is not such a file."""
-        self.path = path
-        members: list[PurePosixPath] = []
-        with self._open() as file:
-            file.visit(lambda name: members.append(PurePosixPath(name)))
-        self.names = frozenset(member.parent for member in members if member.name == "keypoints")
+        self.path, self._file = path, H5File(path)
+        self.names = frozenset(self._file.groups_with("keypoints"))
         if not self.names:
             raise BadInputError(f"{path} holds no keypoints: give a file of local features that hloc wrote")
 
     def has(self, image: PurePosixPath) -> bool:
         """Whether there is a group for the image."""
-        return image in self.names
+        return str(image) in self.names
 
     def read(self, image: PurePosixPath) -> SavedFeatures:
         """The features of an image that it has. Raises BadInputError where they can't be used."""
-        with self._open() as file:
-            held = {key: np.asarray(values) for key, values in file[str(image)].items()}
+        held = self._file.read(str(image), ("keypoints", "scores", "scales", "descriptors", "image_size"))
         if "descriptors" in held:
             held["descriptors"] = held["descriptors"].T
         return _saved(held, f"{image} in {self.path}")
 
-    def _open(self) -> Any:
-        try:
-            return import_extra("h5py", "baselines", str(self.path)).File(self.path, "r")
-        except OSError as error:
-            raise BadInputError(f"{self.path} can't be read as h5: it is damaged, or of another kind") from error
-
 
 def _saved(held: Mapping[str, NDArray[Any]], where: str) -> SavedFeatures:
-    """Checks what was read, with ``descriptors`` as (N, D), and gives it our types (hloc saves half precision)."""
+    """Checks what was read, with ``descriptors`` as (N, D), and gives it our types (hloc saves half precision).
+
+    Positions, scores and scales must be finite: others are of a damaged file. Descriptors may be not: those points are
+    dropped and counted, as those of any detector.
+    """
     if "keypoints" not in held:
         raise BadInputError(
             f"{where} has no keypoints, only {', '.join(held) or 'nothing'}: give files of local features"
         )
-    dimensions = {"keypoints": 2, "scores": 1, "scales": 1, "descriptors": 2}
-    arrays = {key: np.asarray(held[key]) for key in dimensions if key in held}
-    xy = arrays["keypoints"]
-    if any(v.ndim != dimensions[key] or len(v) != len(xy) for key, v in arrays.items()) or xy.shape[1] != 2:
-        shapes = ", ".join(f"{key} {values.shape}" for key, values in arrays.items())
-        raise BadInputError(f"{where} has arrays that do not belong together ({shapes}): write the file again")
-    for key, values in arrays.items():
-        if key != "descriptors" or values.dtype != np.uint8:
-            arrays[key] = values.astype(np.float32)
-    size = held.get("image_size")
-    return SavedFeatures(**arrays, image_size=None if size is None else (int(size[0]), int(size[1])))
+    count = len(held["keypoints"]) if held["keypoints"].ndim else 0
+    shapes = {"keypoints": (count, 2), "scores": (count,), "scales": (count,), "image_size": (2,)}
+    known = {key: values for key, values in held.items() if key in shapes or key == "descriptors"}
+    shapes["descriptors"] = (count, *known["descriptors"].shape[-1:]) if "descriptors" in known else ()
+    if any(values.dtype.kind == "U" or values.shape != shapes[key] for key, values in known.items()):
+        given = ", ".join(f"{key} {values.shape}" for key, values in known.items())
+        raise BadInputError(f"{where} has arrays that do not belong together ({given}): write the file again")
+    with np.errstate(over="ignore"):
+        single = {key: values.astype(np.float32) for key, values in known.items()}
+    for key, values in single.items():
+        if key != "descriptors" and not np.isfinite(values).all():
+            raise BadInputError(
+                f"{where} has {key} that are not finite: it is damaged, or write it without such points"
+            )
+    binary = "descriptors" in known and known["descriptors"].dtype == np.uint8
+    size = single.get("image_size")
+    return SavedFeatures(
+        single["keypoints"],
+        single.get("scores"),
+        single.get("scales"),
+        known["descriptors"] if binary else single.get("descriptors"),
+        None if size is None else (int(size[0]), int(size[1])),
+    )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import gzip
+import errno
 import shutil
 import stat
 import tarfile
 import zipfile
-import zlib
 from pathlib import Path, PurePosixPath
 
 from sips_lit.errors import BadInputError
@@ -32,8 +31,13 @@ def unpack(archive: Path, target: Path) -> int:
                 return _unpack_zip(opened, archive, target)
         with tarfile.open(archive) as packed:
             return _unpack_tar(packed, archive, target)
-    except (tarfile.TarError, zipfile.BadZipFile, zlib.error, gzip.BadGzipFile, EOFError) as error:
-        raise BadInputError(f"{archive} is damaged ({error}): remove it and download it again") from error
+    except BadInputError:
+        raise
+    except Exception as error:  # damaged bytes make zipfile and tarfile raise almost anything
+        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL, errno.ENAMETOOLONG):
+            raise  # of the disk
+        reason = str(error).partition("\n")[0].rstrip(":")
+        raise BadInputError(f"{archive} is damaged ({reason}): remove it and download it again") from error
 
 
 def _unpack_zip(opened: zipfile.ZipFile, archive: Path, target: Path) -> int:

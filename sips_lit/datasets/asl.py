@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,16 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import expect, expect_files, listed_file, read_rows, read_table
+from sips_lit.datasets.layout import (
+    expect,
+    expect_camera,
+    expect_files,
+    is_pose,
+    listed_file,
+    read_rows,
+    read_table,
+    to_integer,
+)
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.pose import to_rotation
 from sips_lit.geometry.rectify import LensCamera
@@ -21,8 +31,10 @@ LAYOUT = (
     "the layout of EuRoC is mav0/ with cam0/ (and cam1/), each with sensor.yaml, data.csv and data/*.png, and, where it is "
     "known, state_groundtruth_estimate0/data.csv (TUM-VI: mocap0/data.csv)"
 )
-
-
+MOST_PIXELS = 2**25  # of an image: the tables of its rectification take 8 bytes for each
+MOST_BYTES = 2**20  # of a YAML file, which takes seconds to parse then
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel = 2
 LARGEST_CONDITION = 1e6  # of a rigid motion with lengths in metres
 
 
@@ -67,7 +79,9 @@ def read_sensor(file: Path, camera: str = "cam0") -> tuple[LensCamera, NDArray[n
     size, T = read_mounting(file, camera)
     if min(fx, fy) <= 0:
         raise BadInputError(f"{file} has a focal length that is not positive")
-    return LensCamera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), distortion, size, equidistant), T
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    expect_camera(matrix, size, file)
+    return LensCamera(matrix, distortion, size, equidistant), T
 
 
 def read_mounting(file: Path, camera: str = "cam0") -> tuple[tuple[int, int], NDArray[np.float64]]:
@@ -79,8 +93,10 @@ def read_mounting(file: Path, camera: str = "cam0") -> tuple[tuple[int, int], ND
     width, height = _numbers(sensor, "resolution", (2,), file)
     extrinsics = sensor.get("T_BS")
     T = _numbers(extrinsics if isinstance(extrinsics, dict) else {}, "data", (16,), file).reshape(4, 4)
-    if min(width, height) <= 0 or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-2:
+    if min(width, height) <= 0 or not is_pose(T[None])[0]:
         raise BadInputError(f"{file} has a size that is not positive, or a T_BS that is no rigid motion")
+    if width % 1 or height % 1 or width > MOST_PIXELS / height:
+        raise BadInputError(f"{file} has resolution: [{width:g}, {height:g}], which is no size of an image in pixels")
     return (int(width), int(height)), T
 
 
@@ -111,11 +127,12 @@ def read_timed_images(camera: Path) -> TimedImages:
     times: list[int] = []
     files: list[Path] = []
     for line, fields in read_rows(table, ","):
-        if len(fields) != 2 or not fields[0].isdecimal():
+        if len(fields) != 2:
             raise BadInputError(f"line {line} of {table} is not a time in nanoseconds, a comma and a file name")
-        if times and int(fields[0]) <= times[-1]:
+        time = to_integer(table, line, fields[0], "a time in nanoseconds, a comma and a file name")
+        if times and time <= times[-1]:
             raise BadInputError(f"line {line} of {table} is not later than the line before")
-        times.append(int(fields[0]))
+        times.append(time)
         files.append(listed_file(camera / "data", fields[1], table, line))
     expect_files(files, f"images that {table} lists", "download the sequence whole, or take their lines out")
     if len(files) < 2:
@@ -130,6 +147,11 @@ def read_states(file: Path) -> States:
     """
     table = read_table(file, (17, 8), ",")
     lines = [line for line, _ in read_rows(file, ",")]
+    off = np.flatnonzero((table[:, 0] < 0) | (table[:, 0] >= 2**63))
+    if len(off):
+        raise BadInputError(
+            f"line {lines[off[0]]} of {file} begins with {table[off[0], 0]:g}, not a time in nanoseconds"
+        )
     times = table[:, 0].astype(np.int64)  # through a double: to 0.3 microseconds
     quaternions = table[:, 4:8]
     norms = np.linalg.norm(quaternions, axis=1)
@@ -142,16 +164,21 @@ def read_states(file: Path) -> States:
     poses = np.tile(np.eye(4), (len(table), 1, 1))
     poses[:, :3, :3] = to_rotation(quaternions[:, [1, 2, 3, 0]])
     poses[:, :3, 3] = table[:, 1:4]
+    far = np.flatnonzero(~is_pose(poses))
+    if len(far):
+        raise BadInputError(f"line {lines[far[0]]} of {file} has a position that is no place on earth, in metres")
     return States(times, poses)
 
 
 def _read_yaml(file: Path) -> dict[str, Any]:
     """A YAML file as OpenCV writes it: its header is no YAML directive, and its matrices have a tag of their own."""
     try:
+        if file.stat().st_size > MOST_BYTES:
+            raise ValueError(f"it is larger than {MOST_BYTES} bytes")
         lines = file.read_text(encoding="utf-8").splitlines()
         text = "\n".join(line for line in lines if not line.startswith("%YAML")).replace("!!opencv-matrix", "")
         content = yaml.safe_load(text)
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except Exception as error:  # damaged YAML makes its parser raise almost anything
         raise BadInputError(f"{file} is not readable as YAML: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict):
         raise BadInputError(f"{file} has no keys: {LAYOUT}")
@@ -160,12 +187,15 @@ def _read_yaml(file: Path) -> dict[str, Any]:
 
 def _numbers(content: dict[str, Any], key: str, counts: tuple[int, ...], file: Path) -> NDArray[np.float64]:
     value = content.get(key)
+    flat = isinstance(value, list) and len(value) in counts and not any(isinstance(v, list | dict) for v in value)
     try:
-        numbers = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
-        numbers = np.zeros(())
-    if numbers.ndim != 1 or len(numbers) not in counts or not np.all(np.isfinite(numbers)):
+        numbers = np.asarray(value if flat else np.nan, np.float64)  # names for lists of lists may unfold to terabytes
+    except (TypeError, ValueError, OverflowError):
+        numbers = np.asarray(np.nan)
+    if not np.all(np.isfinite(numbers)):
         wanted = " or ".join(map(str, counts))
         where = "T_BS: data" if key == "data" else key
-        raise BadInputError(f"{file} has {where}: {value}, which should be a list of {wanted} finite numbers")
+        raise BadInputError(
+            f"{file} has {where}: {_SHORT.repr(value)}, which should be a list of {wanted} finite numbers"
+        )
     return numbers

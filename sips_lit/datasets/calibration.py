@@ -13,11 +13,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import expect_size, read_rows, to_numbers
+from sips_lit.datasets.layout import expect_camera, expect_size, read_rows, to_numbers
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_stored
 from sips_lit.geometry.fov_camera import FovCamera, crop_camera, full_camera
 from sips_lit.types import Camera, FloatArray, GreyImage
+
+LARGEST_SIDE = 2**16  # pixels
+LARGEST_ZOOM = 16  # times as many pixels in a rectified image
 
 
 def read_fov_camera(file: Path) -> FovCamera:
@@ -42,6 +45,10 @@ def read_rectified_camera(file: Path, camera: FovCamera) -> Camera:
     """
     (line, words), last = _rows(file)[2:4]
     size = _size(file, last)
+    if size[0] * size[1] > LARGEST_ZOOM * camera.size[0] * camera.size[1]:
+        raise BadInputError(
+            f"line {last[0]} of {file} asks for images of over {LARGEST_ZOOM} times the pixels that there are"
+        )
     if words == ["none"]:
         raise BadInputError(
             f"line {line} of {file} is none, no rectification: write crop there, or set data.geometric=false"
@@ -91,12 +98,14 @@ def read_inverse_response(path: Path) -> NDArray[np.float64]:
             f"line {line} of {path} has {len(fields)} values: the inverse response has 256, one for each grey value"
         )
     values = np.array(to_numbers(path, line, fields))
-    falls = np.flatnonzero(np.diff(values) <= 0)
+    falls = np.flatnonzero(~(np.diff(values) > 0))
     if len(falls):
         raise BadInputError(
             f"the inverse response in {path} does not rise from value {falls[0]} to {falls[0] + 1}: each of the 256 numbers "
             "must be larger than the one before"
         )
+    if not values[-1] - values[0] < 1e9:
+        raise BadInputError(f"the inverse response in {path} reaches {values[-1]:g}: it is damaged, download it again")
     return np.asarray(255 * (values - values[0]) / (values[-1] - values[0]), np.float64)
 
 
@@ -143,7 +152,7 @@ def _numbers(file: Path, row: tuple[int, list[str]], count: int, what: str) -> l
 
 def _size(file: Path, row: tuple[int, list[str]]) -> tuple[int, int]:
     width, height = _numbers(file, row, 2, "width height")
-    if min(width, height) < 2 or width % 1 or height % 1:
+    if min(width, height) < 2 or max(width, height) > LARGEST_SIDE or width % 1 or height % 1:
         raise BadInputError(f"line {row[0]} of {file} is no size of an image: {width:g} {height:g}")
     return int(width), int(height)
 
@@ -157,4 +166,6 @@ def _matrix(file: Path, line: int, values: list[float], size: tuple[int, int]) -
             "lengths must be positive and the centre between 0 and 1"
         )
     width, height = size
-    return np.array([[fx * width, 0, cx * width - 0.5], [0, fy * height, cy * height - 0.5], [0, 0, 1]], np.float64)
+    matrix = np.array([[fx * width, 0, cx * width - 0.5], [0, fy * height, cy * height - 0.5], [0, 0, 1]], np.float64)
+    expect_camera(matrix, size, file)
+    return matrix

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import (
     expect,
+    expect_camera,
     expect_files,
     files_fingerprint,
     read_pose_rows,
@@ -35,6 +36,8 @@ LAYOUT = (
     "and, where they are published, times.txt and poses/00.txt beside sequences/"
 )
 PLACES = ("sequences/[0-9][0-9]/", "dataset/sequences/[0-9][0-9]/", "[0-9][0-9]/")  # of its sequences
+LARGEST_CONDITION = 1e9  # of a camera matrix in pixels: about the square of its focal length
+LONGEST_BASELINE = 100.0  # metres
 log = logging.getLogger(__name__)
 
 
@@ -54,6 +57,7 @@ class KittiSequence(MeasuredSequence, FolderSequence):
         if number not in projections:
             raise BadInputError(f"{folder / 'calib.txt'} has no line P{number}:, the camera of image_{number}")
         P = projections[number]
+        expect_camera(P[:, :3], self.size, folder / "calib.txt")
         self._camera = resize_camera(Camera(P[:, :3], self.size), shrunk_size(self.size, max_side))
         self._right: FolderSequence | None = None
         right_folder = folder / f"image_{number + 1}"
@@ -64,6 +68,11 @@ class KittiSequence(MeasuredSequence, FolderSequence):
             expect_files(partners, "right images", hint)
             self._right = FolderSequence(right_folder, partners, max_side)
             self._baseline = float((offset(P) - offset(projections[number + 1]))[0])
+            if not 0 < self._baseline < LONGEST_BASELINE:
+                raise BadInputError(
+                    f"{folder / 'calib.txt'} says that the right camera is {self._baseline:g} m to the right of the left "
+                    "one: download it again"
+                )
         read, listed = [folder / "calib.txt"], 0
         if poses_file.exists():
             read.append(poses_file)
@@ -155,7 +164,10 @@ def read_projections(file: Path) -> dict[int, NDArray[np.float64]]:
             raise BadInputError(
                 f"line {line} of {file} is no 3x4 projection with positive focal lengths: it has {fields[1:]}"
             )
-        projections[int(fields[0][1])] = np.array(numbers).reshape(3, 4)
+        P = np.array(numbers).reshape(3, 4)
+        if not np.linalg.cond(P[:, :3]) < LARGEST_CONDITION:
+            raise BadInputError(f"line {line} of {file} is the projection of no camera: its 3x3 part is singular")
+        projections[int(fields[0][1])] = P
     return projections
 
 

@@ -6,6 +6,8 @@ Shared by the loaders: missing parts, text tables with the file and the line of 
 from __future__ import annotations
 
 import hashlib
+import os
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
 from typing import Any
@@ -14,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import read_text
+from sips_lit.files import LONGEST_NAME, read_text
 
 SHOWN = 6  # names that an error lists
+NEAREST, FARTHEST = 0.01, 1000  # focal lengths, in sides of an image: of a fisheye, and of a telescope
+FURTHEST = 1e9  # metres from the origin that a camera may be
 
 
 def expect(path: Path, layout: str) -> Path:
@@ -39,10 +43,15 @@ def files_there(files: Iterable[Path]) -> list[Path | None]:
 
 
 def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
-    """The file of ``folder`` that a line of a table names. Raises BadInputError when the name leads out of the folder."""
+    """The file of ``folder`` that a line of a table names.
+
+    Raises BadInputError when the name leads out of the folder, or can't be that of a file.
+    """
     path = PurePath(name.replace("\\", "/"))
     if path.is_absolute() or ".." in path.parts:
         raise BadInputError(f"line {line} of {table} names {name}, which leaves the folder: do not trust this file")
+    if "\0" in name or any(len(os.fsencode(part)) > LONGEST_NAME for part in path.parts):
+        raise BadInputError(f"line {line} of {table} names {name}, which is no name of a file: download it again")
     return folder / path
 
 
@@ -111,6 +120,13 @@ def to_numbers(path: Path, line: int, fields: Sequence[str]) -> list[float]:
     return numbers
 
 
+def to_integer(path: Path, line: int, field: str, what: str) -> int:
+    """A field that must be a whole number that 64 bits hold. Raises BadInputError: it is not ``what``."""
+    if not re.fullmatch(r"[0-9]{1,19}", field) or int(field) >= 2**63:
+        raise BadInputError(f"line {line} of {path} has {field!r}, not {what}")
+    return int(field)
+
+
 def read_table(path: Path, columns: int | Sequence[int], delimiter: str | None = None) -> NDArray[np.float64]:
     """A text table of numbers (rows, columns), at least one row.
 
@@ -138,9 +154,11 @@ def read_pose_rows(path: Path) -> NDArray[np.float64]:
     lines = [line for line, _ in read_rows(path)]
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = rows.reshape(-1, 3, 4)
-    wrong = np.flatnonzero(~_are_rotations(poses[:, :3, :3]))
+    wrong = np.flatnonzero(~is_pose(poses))
     if len(wrong):
-        raise BadInputError(f"line {lines[wrong[0]]} of {path} is no pose: its 3x3 part is not a rotation")
+        raise BadInputError(
+            f"line {lines[wrong[0]]} of {path} is no pose: its 3x3 part is not a rotation, or its place is no place on earth"
+        )
     return poses
 
 
@@ -161,18 +179,32 @@ def read_pose_file(path: Path) -> NDArray[np.float64] | None:
 
 def check_pose(pose: NDArray[np.float64], what: str) -> NDArray[np.float64]:
     """The pose (4, 4) itself. Raises BadInputError, which calls it ``what``, where it is no rigid motion."""
-    whole = pose.shape == (4, 4) and np.isfinite(pose).all() and np.array_equal(pose[3], [0, 0, 0, 1])
-    if not whole or not _are_rotations(pose[None, :3, :3])[0]:
+    if pose.shape != (4, 4) or not is_pose(pose[None])[0]:
         raise BadInputError(
             f"{what} is no pose: it must be 4 rows of 4 numbers, a rotation, a place, and 0 0 0 1 below"
         )
     return pose
 
 
-def _are_rotations(R: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which of the matrices (N, 3, 3) are rotations, about."""
-    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
-    return np.asarray((off <= 1e-2) & (np.linalg.det(R) > 0))
+def is_pose(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of N matrices (N, 4, 4) are rigid motions, of a length that is possible; False also for NaN."""
+    R = poses[:, :3, :3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
+        rigid = (off <= 1e-2) & (np.linalg.det(R) > 0) & (np.abs(poses[:, :3, 3]) <= FURTHEST).all(1)
+    return np.asarray(rigid & (poses[:, 3] == (0, 0, 0, 1)).all(1), np.bool_)
+
+
+def expect_camera(matrix: NDArray[np.float64], size: tuple[int, int], file: Path) -> None:
+    """Raises BadInputError where a camera matrix (3, 3) in pixels can't be that of images of ``size`` (W, H)."""
+    (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
+    side = max(size)
+    possible = NEAREST * side <= min(fx, fy) and max(fx, fy, abs(cx), abs(cy)) <= FARTHEST * side
+    if not (possible and np.isfinite(matrix).all()):
+        raise BadInputError(
+            f"{file} has focal lengths {fx:g}, {fy:g} and the centre {cx:g}, {cy:g} (pixels), which can't be of images of "
+            f"{size[0]}x{size[1]}: correct it, or download it again"
+        )
 
 
 def files_fingerprint(files: Iterable[Path], *options: object) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import expect, files_fingerprint, read_pose_rows, read_table, wrong_layout
+from sips_lit.archives.npz import npz_members, read_array
+from sips_lit.datasets.layout import expect, expect_camera, files_fingerprint, read_pose_rows, read_table, wrong_layout
 from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
@@ -36,44 +36,39 @@ class PosedDepthSequence(FolderSequence, MeasuredSequence):
         super().__init__(folder, files)
         poses, camera = expect(folder / "poses.txt", LAYOUT), expect(folder / "cam.txt", LAYOUT)
         self.archive = _archive(folder)
-        self._camera = Camera(read_camera_matrix(camera), self.size)
+        K = read_camera_matrix(camera)
+        expect_camera(K, self.size, camera)
+        self._camera = Camera(K, self.size)
         self._poses = read_pose_rows(poses)
         if len(self._poses) != len(files):
             raise BadInputError(
                 f"{poses} has {len(self._poses)} poses for {len(files)} images: it needs one row per image"
             )
-        self._check_names()
-        self.fingerprint = files_fingerprint([poses, camera, self.archive], "posed depth 1", self.fingerprint)
-
-    def depth(self, index: int) -> FloatArray:
-        """Depth (H, W) float32 in metres, NaN where unknown. Raises BadInputError when it is not of the image's size."""
-        key = self.files[index].stem
-        try:
-            with np.load(self.archive) as arrays:
-                depth: NDArray[np.float32] = np.array(arrays[key], np.float32)
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise BadInputError(f"cannot read the array {key} of {self.archive}: {error}; download it again") from error
-        width, height = self.size
-        if depth.shape != (height, width):
-            raise BadInputError(
-                f"the array {key} of {self.archive} has shape {depth.shape}, but {self.files[index].name} is "
-                f"{height} rows of {width} pixels: depth and images must have one size"
-            )
-        depth[~(depth > 0) | ~np.isfinite(depth)] = np.nan
-        return depth
-
-    def _check_names(self) -> None:
-        """Every image must have an array; their names are read without the arrays."""
-        try:
-            with zipfile.ZipFile(self.archive) as archive:
-                names = {Path(name).stem for name in archive.namelist()}
-        except (OSError, zipfile.BadZipFile) as error:
-            raise BadInputError(f"{self.archive} is damaged, or no archive of numpy arrays: {error}") from error
-        absent = [file.stem for file in self.files if file.stem not in names]
+        self._depths = npz_members(self.archive)
+        absent = [file.stem for file in files if file.stem not in self._depths]
         if absent:
             raise BadInputError(
                 f"{self.archive} lacks the depth of {len(absent)} images, the first is {absent[0]}; {LAYOUT}"
             )
+        self.fingerprint = files_fingerprint([poses, camera, self.archive], "posed depth 1", self.fingerprint)
+
+    def depth(self, index: int) -> FloatArray:
+        """Depth (H, W) float32 in metres, NaN where unknown.
+
+        Raises BadInputError when its array is damaged, or not of the image's size.
+        """
+        key = self.files[index].stem
+        stored = read_array(self.archive, self._depths[key])
+        width, height = self.size
+        if stored.shape != (height, width) or stored.dtype.kind not in "iuf":
+            raise BadInputError(
+                f"the array {key} of {self.archive} has shape {stored.shape} and type {stored.dtype}, but "
+                f"{self.files[index].name} is {height} rows of {width} pixels: depth must be numbers, one a pixel"
+            )
+        with np.errstate(over="ignore"):  # too far for 32 bits is as good as unknown
+            depth: NDArray[np.float32] = stored.astype(np.float32)
+        depth[~(depth > 0) | ~np.isfinite(depth)] = np.nan
+        return depth
 
 
 def posed_depth(path: str | Path) -> list[ImageSequence]:

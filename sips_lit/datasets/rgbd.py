@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sips_lit.datasets.layout import expect, read_pose_rows, wrong_layout
+from sips_lit.datasets.layout import expect, expect_camera, read_pose_rows, wrong_layout
 from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, any_of, at_least
@@ -94,14 +94,18 @@ def _read_camera(file: Path) -> tuple[Camera, float]:
         stored = json.loads(file.read_text(encoding="utf-8"))
         fx, fy, cx, cy, unit = (float(stored[key]) for key in ("px", "py", "u0", "v0", "depthScale"))
         size = int(stored["w"]), int(stored["h"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise BadInputError(
             f"{file} must be JSON with the numbers px, py, u0, v0 (pixels), w, h and depthScale (metres): {error!r}"
         ) from error
     model = stored.get("model", "perspectiveProjWithoutDistortion")
     if model != "perspectiveProjWithoutDistortion" or not min(fx, fy, unit, *size) > 0:
         raise BadInputError(f"{file} must be of a camera without distortion, with positive px, py, w, h and depthScale")
-    return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), size), unit
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    expect_camera(matrix, size, file)
+    if not unit <= 1:
+        raise BadInputError(f"{file} has depthScale {unit:g}: a step of the depth maps is 1 metre at most")
+    return Camera(matrix, size), unit
 
 
 def _simple(path: Path) -> str | None:

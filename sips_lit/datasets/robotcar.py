@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sips_lit.datasets.layout import expect_size, files_fingerprint, read_rows, wrong_layout
+from sips_lit.datasets.layout import expect_size, files_fingerprint, read_rows, to_integer, wrong_layout
 from sips_lit.datasets.measured import MeasuredSequence
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.datasets.split_lists import only_split
@@ -162,9 +162,7 @@ def _timestamps(folder: Path, camera: str) -> Iterator[int]:
     if not file.is_file():
         raise wrong_layout(f"{file}, which every archive of the camera has", folder, LAYOUT)
     for line, fields in read_rows(file):
-        if not (fields[0].isascii() and fields[0].isdigit()):
-            raise BadInputError(f"line {line} of {file} begins with {fields[0]!r}, not a time in microseconds")
-        yield int(fields[0])
+        yield to_integer(file, line, fields[0], "a time in microseconds")
 
 
 def _camera_there(path: Path) -> dict[str, str]:

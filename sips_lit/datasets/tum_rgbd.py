@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import expect, listed_file, read_rows, read_table, to_numbers, wrong_layout
+from sips_lit.datasets.layout import expect, is_pose, listed_file, read_rows, read_table, to_numbers, wrong_layout
 from sips_lit.datasets.measured import joined_in_time
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.errors import BadInputError
@@ -88,11 +88,17 @@ def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path], list[Path]
 
 def _poses(truth: FloatArray, table: Path) -> NDArray[np.float64]:
     """``T_world_camera`` (N, 4, 4) of rows (N, 8): time, place, quaternion x, y, z, w."""
+    lengths = np.linalg.norm(truth[:, 4:], axis=1)
+    wrong = np.flatnonzero(~(np.abs(lengths - 1) <= 0.05))
+    if len(wrong):
+        raise BadInputError(
+            f"{table} has a quaternion of length {lengths[wrong[0]]:.3g}, which is no rotation: download it again"
+        )
     poses = np.tile(np.eye(4), (len(truth), 1, 1))
     poses[:, :3, :3] = to_rotation(truth[:, 4:])
     poses[:, :3, 3] = truth[:, 1:4]
-    if not np.isfinite(poses).all():
-        raise BadInputError(f"{table} has a quaternion of length 0, which is no rotation: download it again")
+    if not is_pose(poses).all():
+        raise BadInputError(f"{table} has a position that is no place on earth, in metres: download it again")
     return poses
 
 

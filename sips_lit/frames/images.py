@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import io
+import warnings
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.span import Span, find_span
 from sips_lit.types import GreyImage
 
 GREY_VERSION = 2  # part of the fingerprints of sequences: frames change when the way to grey does
+FEW_PIXELS = 2**25  # any file may claim so many
+MOST_PIXELS_A_BYTE = 200  # a black JPEG has 64 to 90
+PNG = b"\x89PNG\r\n\x1a\n"  # what such a file begins with
+HEADERS = ("JPEG", "PNG", "TIFF", "BMP", "PPM", "WEBP", "JPEG2000")
+warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)  # large photographs are welcome
 # channels and depth of the file, without alpha, turned upright by the orientation tag (EXIF) as videos are
 DECODE_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
 
@@ -56,6 +64,11 @@ def _bytes(path: Path) -> bytes:
 
 
 def _decode(data: bytes, name: str, flags: int) -> NDArray[Any]:
+    if data.startswith(PNG) and not _is_whole_png(data):
+        data = b""  # OpenCV would allocate the gigabytes that a damaged length asks for
+    pixels = _claimed_pixels(data)
+    if pixels > max(FEW_PIXELS, MOST_PIXELS_A_BYTE * len(data)):
+        raise BadInputError(f"{name} claims more pixels than its {len(data)} bytes can hold: replace it")
     try:
         # from memory: given the name of a truncated file, OpenCV would return half a picture
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
@@ -66,6 +79,31 @@ def _decode(data: bytes, name: str, flags: int) -> NDArray[Any]:
             f"{name} is not an image that OpenCV can read, or is truncated or damaged: replace or remove it"
         )
     return image
+
+
+def _is_whole_png(data: bytes) -> bool:
+    """Whether the chunks of a PNG file, as long as they say, lead to the last one."""
+    at = len(PNG)
+    while at + 8 <= len(data):
+        length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        at += 12 + length  # length, kind, content, checksum
+        if kind == b"IEND":
+            return at <= len(data)
+    return False
+
+
+def _claimed_pixels(data: bytes) -> int:
+    """How many pixels an image has by its header; 0 where Pillow can't tell.
+
+    OpenCV would allocate them, and libjpeg fill them for a minute, however few there are in the file.
+    """
+    try:
+        with Image.open(io.BytesIO(data), formats=HEADERS) as image:
+            return image.width * image.height
+    except Image.DecompressionBombError:
+        return 2**30  # the most that OpenCV reads
+    except Exception:  # damaged headers make Pillow raise almost anything
+        return 0
 
 
 def to_grey(values: NDArray[Any], name: str, span: Span | None = None, rgb: bool = False) -> GreyImage:

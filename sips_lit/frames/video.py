@@ -6,6 +6,7 @@ import glob
 import hashlib
 import itertools
 import json
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, warn_input
-from sips_lit.files import read_text, safe_name, write_whole
+from sips_lit.files import LONGEST_NAME, read_text, safe_name, write_whole
 from sips_lit.frames.images import resize_max_side
 from sips_lit.frames.listing import VIDEO_SUFFIXES, list_files, warn_of_others
 from sips_lit.frames.recording import Recording, RecordingLoader
@@ -125,6 +126,11 @@ def _lines(file: Path) -> list[Path]:
     except (OSError, UnicodeDecodeError) as error:
         raise BadInputError(f"cannot read {file} as a list of videos ({error}): write one path a line") from error
     entries = [file.parent / line for line in lines if line and not line.startswith("#")]
+    strange = [
+        part for entry in entries for part in entry.parts if "\0" in part or len(os.fsencode(part)) > LONGEST_NAME
+    ]
+    if strange:
+        raise BadInputError(f"{file} names {strange[0]}, which can't be a file: write one path a line")
     if any(entry.suffix.lower() == ".txt" for entry in entries):
         raise BadInputError(f"{file} names another list: write videos, folders or globs into it, one a line")
     return entries
@@ -165,9 +171,12 @@ def _read_meta(cache: Path) -> dict[str, Any] | None:
     """What a finished cache says of itself; None if it is not finished or not whole."""
     try:
         meta: dict[str, Any] = json.loads((cache / "meta.json").read_text())
-        whole = (cache / "frames.u8").stat().st_size == int(np.prod(meta["shape"]))
+        count, height, width = shape = meta["shape"]
+        ends = [0, *meta["cuts"], count]
+        plain = all(type(number) is int for number in (*shape, *ends)) and ends == sorted(ends)
+        whole = plain and (cache / "frames.u8").stat().st_size == count * height * width
         return meta if whole and {"cuts", "damage", "more"} <= meta.keys() else None
-    except (OSError, ValueError, TypeError, KeyError):
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None
 
 

@@ -29,6 +29,7 @@ from sips_lit.frames.span import FULL, SAMPLE, Span, find_span
 from sips_lit.types import GreyImage
 
 logging.getLogger("libav").setLevel(logging.CRITICAL + 1)  # what other threads say meanwhile is not for the user
+MOST_PIXELS = 2**26  # of a frame; a damaged header may ask for memory without end
 _CODEC = re.compile(r"Video: (?:none \()?([^,/]+)")
 _LOGGING = threading.Lock()  # the level of libav's messages belongs to the process
 
@@ -180,6 +181,7 @@ class VideoFile:
             stream = self._stream(container)
             stream.thread_type = "NONE"  # threads mark damaged frames later, or not at all
             stream.codec_context.copy_opaque = True
+            stream.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
             for number, packet in enumerate(_packets(container, stream)):
                 packet.opaque = (number,)  # PyAV tells objects apart by their identity, and equal integers share theirs
                 frames = [] if packet.is_corrupt else self._guarded(packet.decode)
@@ -223,7 +225,10 @@ class VideoFile:
             stream, name = self._stream(container), container.format.name
             again = _taken(messages, name)
             if again:  # libav has read ahead to open it: read that again, to learn which packet the message is about
-                container.seek(0, stream=stream)
+                try:
+                    container.seek(0, stream=stream)
+                except av.FFmpegError:  # then nothing tells; the first is as likely as any
+                    survey.complaints.add(0)
             for packet in _packets(container, stream):
                 said = _taken(messages, name) and not (again and number == 0)
                 if packet.is_corrupt or said:
@@ -243,7 +248,7 @@ class VideoFile:
 
     def _open(self) -> InputContainer:
         try:
-            return av.open(str(self.path.absolute()))
+            return av.open(str(self.path.absolute()), metadata_errors="replace")
         except av.FFmpegError as error:
             if isinstance(error, OSError) and not self.path.is_file():
                 raise BadInputError(f"cannot read the video {self.path}: {error.strerror}") from error

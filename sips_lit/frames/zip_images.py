@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import os
 import re
 import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
-from threading import get_native_id
 from typing import Any
 
 from numpy.typing import NDArray
 
+from sips_lit.archives.zip_members import check_member, list_members, read_member
 from sips_lit.errors import BadInputError
-from sips_lit.files import safe_name
+from sips_lit.files import LONGEST_NAME, safe_name
 from sips_lit.frames.images import GREY_VERSION, decode_values, resize_max_side, to_grey
 from sips_lit.frames.listing import IMAGE_SUFFIXES, name_key, natural
 from sips_lit.frames.span import Span, find_span
 from sips_lit.types import GreyImage, ImageSequence
 
-LARGEST_MEMBER = 2**28  # bytes of an unpacked image; a small archive that claims more is an attack or damaged
-OPEN_ARCHIVES = 64  # a process keeps at most so many open: the 50 of TUM mono fit, a limit of 1024 open files is far
-ENCRYPTED = 1  # of the flag bits
 SEPARATOR = re.compile(r"[/\\]")
 
 
@@ -37,7 +34,7 @@ class ZipSequence(ImageSequence):
 
     def __init__(self, path: Path, max_side: int | None = None, name: str | None = None) -> None:
         self.path, self.max_side = path, max_side
-        self.members = list_members(path)
+        self.members = list_images(path)
         if len(self.members) < 2:
             count = "one image" if self.members else "no image"
             raise BadInputError(f"the archive {path} has {count}: a sequence needs two or more, download it again")
@@ -84,45 +81,24 @@ class ZipSequence(ImageSequence):
         return f"{self.members[index].filename} in {self.path}"
 
 
-def list_members(path: Path) -> list[zipfile.ZipInfo]:
+def list_images(path: Path) -> list[zipfile.ZipInfo]:
     """The images of an archive in natural order; folders, hidden files and other files are passed over.
 
     Raises BadInputError as `ZipSequence` says.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            images = [entry for entry in archive.infolist() if _is_image(entry)]
-    except OSError as error:
-        raise BadInputError(f"cannot read the archive {path}: {error.strerror or error}") from error
-    except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
-        raise BadInputError(
-            f"{path} is not a zip archive, or is truncated: compare its size with the published one and download it again"
-        ) from error
+    images = [entry for entry in list_members(path) if _is_image(entry)]
     for entry in images:
-        _check_member(path, entry)
+        if any(len(os.fsencode(part)) > LONGEST_NAME for part in SEPARATOR.split(entry.filename)):
+            raise BadInputError(
+                f"{path} has a member whose name is longer than that of any file: do not trust this archive"
+            )
+        if ".." in SEPARATOR.split(entry.filename) or re.match(r"[/\\]|[A-Za-z]:", entry.filename):
+            raise BadInputError(
+                f"the archive {path} has a member {entry.filename}, which leaves the folder: do not trust this archive"
+            )
+        check_member(path, entry, "unpack the archive into a folder images/ beside it")
     key = name_key([PurePosixPath(entry.filename).name for entry in images])
     return sorted(images, key=lambda entry: _place(entry.filename, key))
-
-
-def read_member(path: Path, member: zipfile.ZipInfo) -> bytes:
-    """The unpacked bytes of a member. Raises BadInputError when they are not what the archive's table of contents says.
-
-    To open an archive of 4000 images takes 45 ms, so it stays open for the next frame. Every thread has its own: two
-    processes that read one open archive after a fork would move each other's position in it.
-    """
-    try:
-        state = path.stat()
-        # no two living threads of any processes have the same native identifier
-        archive = _opened(path, (state.st_ino, state.st_size, state.st_mtime_ns), get_native_id())
-        with archive.open(member) as file:
-            data = file.read(member.file_size + 1)  # read() without a size would unpack a bomb whole
-        if len(data) != member.file_size:
-            raise zipfile.BadZipFile("shorter than announced")
-    except OSError as error:
-        raise BadInputError(f"cannot read the archive {path}: {error.strerror or error}") from error
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
-        raise BadInputError(f"{member.filename} in {path} is damaged: download the archive again") from error
-    return data
 
 
 def _place(name: str, key: Callable[[str], Any]) -> tuple[Any, ...]:
@@ -131,33 +107,7 @@ def _place(name: str, key: Callable[[str], Any]) -> tuple[Any, ...]:
     return natural(str(path.parent)), key(path.name), name
 
 
-@functools.lru_cache(OPEN_ARCHIVES)
-def _opened(path: Path, state: tuple[int, ...], thread: int) -> zipfile.ZipFile:
-    archive = zipfile.ZipFile(path)
-    archive.filelist.clear()  # megabytes that the sequence has already
-    archive.NameToInfo.clear()
-    return archive
-
-
 def _is_image(entry: zipfile.ZipInfo) -> bool:
     parts = SEPARATOR.split(entry.filename)
     hidden = any(part == "__MACOSX" or (part.startswith(".") and part not in (".", "..")) for part in parts)
-    return not entry.is_dir() and not hidden and PurePosixPath(parts[-1]).suffix.lower() in IMAGE_SUFFIXES
-
-
-def _check_member(path: Path, entry: zipfile.ZipInfo) -> None:
-    name = entry.filename
-    if ".." in SEPARATOR.split(name) or re.match(r"[/\\]|[A-Za-z]:", name):
-        raise BadInputError(
-            f"the archive {path} has a member {name}, which leaves the folder: do not trust this archive"
-        )
-    if entry.flag_bits & ENCRYPTED:
-        raise BadInputError(f"{name} in {path} is encrypted: unpack the archive into a folder images/ beside it")
-    if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise BadInputError(
-            f"{name} in {path} is packed by a method other than deflate: unpack the archive into a folder images/ beside it"
-        )
-    if max(entry.file_size, entry.compress_size) > LARGEST_MEMBER:
-        raise BadInputError(
-            f"{name} in {path} claims {entry.file_size} bytes, too many for an image: download it again"
-        )
+    return not hidden and PurePosixPath(parts[-1]).suffix.lower() in IMAGE_SUFFIXES  # a folder's last part is empty

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError
 from sips_lit.types import Camera, FloatArray, GreyImage
 
+LARGEST_ZOOM = 10  # of a rectified image
+MOSTLY = 0.9  # of its pixels
+
 
 @dataclass(frozen=True, slots=True)
 class LensCamera:
@@ -49,6 +52,7 @@ def rectify_mono(lens: LensCamera) -> Rectifier:
     """An undistorted view of the same size, with square pixels and none from outside the image.
 
     Of an equidistant lens, which may see more than any pinhole camera, the middle in the scale that it has there.
+    Raises BadInputError when there is no such view.
     """
     if lens.equidistant:
         return _rectifier(lens, np.eye(3), _kept_scale(lens))
@@ -63,7 +67,7 @@ def rectify_stereo(left: LensCamera, right: LensCamera, T_right_left: FloatArray
 
     Both have one camera matrix: a point at (x, y) on the left is at (x - focal * baseline / depth, y) on the right. The zoom
     leaves no pixel from outside the images; of equidistant lenses it is as in `rectify_mono`. Raises BadInputError when the
-    second camera is not to the right of the first.
+    second camera is not to the right of the first, or a lens shows too little.
     """
     R, t = T_right_left[:3, :3], T_right_left[:3, 3]
     # the rotations do not depend on the lenses
@@ -91,5 +95,13 @@ def _kept_scale(lens: LensCamera) -> NDArray[np.float64]:
 def _rectifier(lens: LensCamera, rotation: NDArray[Any], matrix: NDArray[Any]) -> Rectifier:
     undistort = cv2.fisheye.initUndistortRectifyMap if lens.equidistant else cv2.initUndistortRectifyMap
     x, y = undistort(lens.matrix, lens.distortion, rotation, matrix, lens.size, cv2.CV_32FC1)
+    inside = (x > -1) & (x < lens.size[0]) & (y > -1) & (y < lens.size[1])
+    zoom = matrix.diagonal()[:2] / lens.matrix.diagonal()[:2]
+    # the zoom leaves no pixel from outside, unless numbers are damaged: OpenCV makes something of any
+    if not (np.isfinite(matrix).all() and zoom.min() > 0 and zoom.max() < LARGEST_ZOOM and inside.mean() > MOSTLY):
+        raise BadInputError(
+            f"no pinhole camera shows the images of a lens with distortion {np.round(lens.distortion, 6)} and intrinsics "
+            f"{np.round(lens.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], 3)}: correct them, or set data.rectify=false"
+        )
     camera = Camera(np.asarray(matrix, np.float64), lens.size)
     return Rectifier(camera, np.asarray(rotation, np.float64), np.asarray(x), np.asarray(y))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -133,7 +134,7 @@ def read_pair_file(path: str | Path, sequences: Sequence[ImageSequence]) -> list
 def _frame(text: str, sequence: ImageSequence, names: dict[str, int], where: str) -> int:
     if text in names:
         return names[text]
-    if text.isascii() and text.isdigit() and int(text) < len(sequence):
+    if re.fullmatch("[0-9]{1,18}", text) and int(text) < len(sequence):
         return int(text)
     raise BadInputError(
         f"{where} names frame {text}, which {sequence.name} lacks: "
@@ -145,6 +146,9 @@ def _overlap(fields: list[str], where: str) -> float:
     if not fields or not fields[0]:
         return math.nan
     try:
-        return float(fields[0])
-    except ValueError as error:
-        raise BadInputError(f"{where} has {fields[0]} as its overlap: give a number, or leave it out") from error
+        overlap = float(fields[0])
+    except ValueError:
+        overlap = math.inf
+    if not (0 <= overlap <= 1 or math.isnan(overlap)):
+        raise BadInputError(f"{where} has {fields[0]} as its overlap: give a number from 0 to 1, or leave it out")
+    return overlap

@@ -184,9 +184,11 @@ def _read(path: Path) -> dict[str, list[IndexedSequence]]:
     try:
         for values in json.loads(path.read_text(encoding="utf-8")):
             row = IndexedSequence(**values)
+            if not isinstance(row.recording, str):
+                raise TypeError("a recording has no name")
             rows.setdefault(row.recording, []).append(row)
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(f"cannot read the summary {path} ({error}): remove it, it is made again") from error
     return rows

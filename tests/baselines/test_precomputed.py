@@ -142,7 +142,7 @@ def test_damaged_and_inconsistent_files(images, features):
     detector = PrecomputedDetector(features, images)
     with pytest.raises(BadInputError, match="other parts than those of the first"):
         detector.detect(read_grey(images / "a/2.png"), 3)
-    with pytest.raises(BadInputError, match=r"b/1\.npz can't be read"):
+    with pytest.raises(BadInputError, match=r"b/1\.npz is not an npz archive"):
         detector.detect(read_grey(images / "b/1.png"), 3)
 
 
@@ -189,6 +189,14 @@ def test_h5_without_local_features(folder):
         ({"keypoints": XY, "scores": SCORES[:2]}, r"scores \(2,\)"),
         ({"keypoints": XY, "descriptors": DESCRIPTORS.T}, r"descriptors \(4, 3\)"),
         ({"keypoints": XY, "scales": np.float32(3)}, r"scales \(\)"),
+        ({"keypoints": XY.astype(str)}, "do not belong together"),
+        ({"keypoints": XY, "image_size": np.float64(3)}, r"image_size \(\)"),
+        ({"keypoints": XY, "image_size": [np.nan, 30]}, "has image_size that are not finite"),
+        ({"keypoints": XY * [1, np.nan]}, "has keypoints that are not finite: it is damaged"),
+        ({"keypoints": XY * 1e300}, "has keypoints that are not finite"),
+        ({"keypoints": XY, "scores": [1, np.inf, 2]}, "has scores that are not finite"),
+        ({"keypoints": XY, "scales": [1, np.nan, 2]}, "has scales that are not finite"),
+        ({"keypoints": np.array([{}, {}])}, "is not a plain array of numbers"),
     ],
 )
 def test_files_that_can_not_be_used(held, message, folder):
@@ -206,3 +214,20 @@ def test_hidden_folders_hold_no_images(images, features):
         shutil.copytree(images / "a", images / hidden / "a")
         shutil.copytree(features / "a", features / hidden / "a")
     assert PrecomputedDetector(features, images).image_of == found
+
+
+def test_h5_is_checked_alike(folder):
+    h5py = pytest.importorskip("h5py", reason="h5py is missing: pip install 'sips_lit[baselines]'")
+    with h5py.File(folder / "a.h5", "w") as file:
+        file.create_group("a/1.png")["keypoints"] = XY * [1, np.nan]
+        file.create_group("a/2.png")["keypoints"] = XY
+        file["a/2.png"]["scores"] = ["some", "more", "words"]
+    with pytest.raises(BadInputError, match=r"a/1\.png in .*a\.h5 has keypoints that are not finite"):
+        open_features(folder / "a.h5").read(IMAGE)
+    with pytest.raises(BadInputError, match=r"a\.h5 can't be read as h5: it is damaged"):
+        open_features(folder / "a.h5").read(PurePosixPath("a/2.png"))
+
+
+def test_descriptors_that_are_not_finite_are_left_to_be_counted(folder):
+    np.savez(folder / "a" / "1.npz", keypoints=XY, descriptors=DESCRIPTORS * np.nan)
+    assert np.isnan(open_features(folder).read(IMAGE).descriptors).all()

@@ -92,3 +92,10 @@ def test_a_result_is_written_where_it_was_told(tmp_path: Path):
     assert done.returncode == 1
     assert "10" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_names_that_no_file_has():
+    assert parsed(as_typed([f"data.path=/{'a' * 255}/b"])[0]) == f"/{'a' * 255}/b"
+    for value in ("a" * 256, "b/" + "é" * 128, f"[a,{'b' * 256}]"):
+        with pytest.raises(BadInputError, match="can't be a path: the name of a file or folder has at most 255 bytes"):
+            as_typed([f"data.path={value}"])

@@ -1,3 +1,4 @@
+import errno
 import io
 import tarfile
 import zipfile
@@ -111,4 +112,35 @@ def test_a_damaged_archive_is_named(tmp_path, name):
     content[60:90] = b"x" * 30
     archive.write_bytes(bytes(content))
     with pytest.raises(BadInputError, match=f"{name} is damaged"):
+        unpack(archive, tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", ["a.zip", "a.tgz", "a.tar"])
+def test_whichever_byte_is_damaged_it_is_one_sentence(tmp_path, name):
+    """Or the archive is unpacked: not all bytes are used."""
+    if name == "a.tar":
+        with tarfile.open(tmp_path / name, "w") as archive:
+            info = tarfile.TarInfo("b/" + "long" * 40)
+            info.size = 20
+            archive.addfile(info, io.BytesIO(bytes(20)))
+    else:
+        (make_zip if name == "a.zip" else make_tar)(tmp_path / name, {"b/c.txt": b"some text " * 20})
+    whole = (tmp_path / name).read_bytes()
+    refused = 0
+    for at in range(0, min(len(whole), 600), 2):
+        (tmp_path / name).write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+        try:
+            unpack(tmp_path / name, tmp_path / "out" / str(at))
+        except BadInputError as error:
+            refused += str(error).isprintable()
+    assert refused > 30
+
+
+def test_a_full_disk_is_no_damage(tmp_path, monkeypatch):
+    def extract(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    archive = make_zip(tmp_path / "a.zip", {"a": b"one"})
+    monkeypatch.setattr(zipfile.ZipFile, "extract", extract)
+    with pytest.raises(OSError, match="No space left"):
         unpack(archive, tmp_path / "out")

@@ -74,6 +74,14 @@ def test_numbers_of_a_rectified_camera(tmp_path: Path):
         (3, "none", r"line 3 of .* is none, no rectification: write crop there, or set data\.geometric=false"),
         (3, "0.4 0.6 0.5 0.5 0.1", r"line 3 of .* ends in 0\.1: .* write 0"),
         (3, "0.4 0.6 1.5 0.5 0", r"line 3 of .* centre between 0 and 1"),
+        (
+            1,
+            "0.5 1e308 0.5 0.5 0.9",
+            r"camera\.txt has focal lengths 320, inf and the centre .* can't be of images of 640x512",
+        ),
+        (1, "0.5 1e-9 0.5 0.5 0.9", r"camera\.txt has focal lengths .* can't be of images"),
+        (2, "1e300 512", r"line 2 of .* is no size"),
+        (4, "60000 60000", r"line 4 of .* asks for images of over 16 times the pixels"),
         (4, "crop", r"line 4 of .* is 'crop', not width height"),
     ],
 )

@@ -114,6 +114,19 @@ def replace(file: Path, old: str, new: str) -> None:
         (lambda d: (d / "sequences/00/calib.txt").unlink(), r"no .*calib\.txt: .*00 has image_0/.*the layout of KITTI"),
         (lambda d: replace(d / "sequences/00/calib.txt", "P0:", "P9:"), r"calib\.txt has no line P0:"),
         (lambda d: replace(d / "sequences/00/calib.txt", "P0: 1", "P0: -1"), r"line 1 of .*calib\.txt is no 3x4"),
+        (lambda d: replace(d / "sequences/00/calib.txt", "e+02 ", "inf "), r"line 1 of .*calib\.txt has '1\.0+inf'"),
+        (
+            lambda d: replace(d / "sequences/00/calib.txt", "P0: 1.000000000000e+02", "P0: 1e-300"),
+            r"line 1 of .* is the projection of no",
+        ),
+        (
+            lambda d: replace(d / "sequences/00/calib.txt", "P0: 1.000000000000e+02", "P0: 1e6"),
+            r"calib\.txt has focal lengths 1e\+06, 100 and the centre .* can't be of images of 64x48",
+        ),
+        (
+            lambda d: replace(d / "sequences/00/calib.txt", "-5.0", "5.0"),
+            r"calib\.txt says that the right camera is -0\.5 m to the right of the left one",
+        ),
         (
             lambda d: (d / "sequences/00/image_1/000002.png").unlink(),
             r"1 of 4 right images .* is .*image_1/000002\.png",

@@ -3,7 +3,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sips_lit.datasets.layout import describe_place, expect, files_fingerprint, read_pose_rows, read_rows, read_table
+from sips_lit.datasets.layout import (
+    describe_place,
+    expect,
+    files_fingerprint,
+    listed_file,
+    read_pose_rows,
+    read_rows,
+    read_table,
+    to_integer,
+)
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import check_max_side
 
@@ -73,7 +82,8 @@ def test_pose_rows(tmp_path: Path):
     poses = read_pose_rows(write(tmp_path / "p.txt", "1 0 0 7 0 1 0 8 0 0 1 9\n0 -1 0 1 1 0 0 2 0 0 1 3\n"))
     np.testing.assert_array_equal(poses[0], [[1, 0, 0, 7], [0, 1, 0, 8], [0, 0, 1, 9], [0, 0, 0, 1]])
     np.testing.assert_array_equal(poses[1] @ [1, 0, 0, 1], [1, 3, 3, 1])
-    for row in ("1 0 0 7 0 1 0 8 0 0 2 9", "1 0 0 7 0 1 0 8 0 0 -1 9"):  # stretched, mirrored
+    stretched, mirrored, far = "1 0 0 7 0 1 0 8 0 0 2 9", "1 0 0 7 0 1 0 8 0 0 -1 9", "1 0 0 1e300 0 1 0 8 0 0 1 9"
+    for row in (stretched, mirrored, far, "1e308 1e308 0 7 1e308 -1e308 0 8 0 0 1 9", " ".join(["1e308"] * 12)):
         with pytest.raises(BadInputError, match=r"line 3 of .*p\.txt is no pose"):
             read_pose_rows(write(tmp_path / "p.txt", "1 0 0 7 0 1 0 8 0 0 1 9\n#\n" + row))
 
@@ -96,3 +106,21 @@ def test_max_side():
     check_max_side(16)
     with pytest.raises(BadInputError, match=r"data\.max_side is 15"):
         check_max_side(15)
+
+
+@pytest.mark.parametrize("field", ["", "-1", "1.0", "1_0", "٣", "9" * 5000, str(2**63)])
+def test_integers_that_64_bits_do_not_hold(field: str):
+    with pytest.raises(BadInputError, match=r"line 3 of t\.txt has .* not a time"):
+        to_integer(Path("t.txt"), 3, field, "a time")
+
+
+def test_integers():
+    assert to_integer(Path("t.txt"), 3, "0012", "a time") == 12
+    assert to_integer(Path("t.txt"), 3, str(2**63 - 1), "a time") == 2**63 - 1
+
+
+@pytest.mark.parametrize("name", ["a" * 256, "b/" + "é" * 128, "a\0b"])
+def test_names_that_no_file_has(name: str):
+    with pytest.raises(BadInputError, match=r"line 4 of t\.txt names .*, which is no name of a file"):
+        listed_file(Path("x"), name, Path("t.txt"), 4)
+    assert listed_file(Path("x"), "a" * 255, Path("t.txt"), 4) == Path("x", "a" * 255)

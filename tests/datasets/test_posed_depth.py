@@ -1,4 +1,7 @@
+import math
 import pickle
+import re
+import zipfile
 from pathlib import Path
 
 import cv2
@@ -6,10 +9,17 @@ import numpy as np
 import pytest
 from posed_depth_files import POSES, depth_of, make_posed_depth
 from textured_scenes import texture
+from train_stream import all_overlap
 
 from sips_lit.datasets.posed_depth import posed_depth
 from sips_lit.errors import BadInputError
+from sips_lit.evaluate.pair_set import PairSet
+from sips_lit.frames.source import Source
 from sips_lit.geometry.projection import transfer
+from sips_lit.inliers.pose_depth import PoseDepthInliers
+from sips_lit.pairs.choice import ListedPair
+from sips_lit.pairs.sampler import SourceSampler
+from sips_lit.train.dataset import TrainingPairs
 
 
 def test_frames_camera_poses_and_depth(tmp_path: Path):
@@ -54,12 +64,17 @@ def save_some(folder: Path) -> None:
         (lambda f: (f / "cam.txt").unlink(), r"no .*cam\.txt: .*; the layout is images"),
         (lambda f: (f / "depth_48x64.npz").unlink(), r"no depth_\*\.npz in .*; the layout is images"),
         (lambda f: (f / "depth_2.npz").touch(), "keep one archive"),
-        (lambda f: (f / "depth_48x64.npz").write_bytes(b"PK not a zip"), "is damaged"),
+        (lambda f: (f / "depth_48x64.npz").write_bytes(b"PK not a zip"), "is not an npz archive, or is truncated"),
         (save_some, "lacks the depth of 1 images, the first is 0000000002"),
         (lambda f: (f / "poses.txt").write_text("\n".join(POSES[:2])), "has 2 poses for 3 images"),
         (lambda f: (f / "poses.txt").write_text("\n".join(POSES).replace("0.5", "nan")), r"line 2 of .*poses\.txt"),
         (lambda f: (f / "cam.txt").write_text("50 0 31.5\n0 50 23.5\n"), r"cam\.txt has no camera matrix"),
         (lambda f: (f / "cam.txt").write_text("0 0 31.5\n0 50 23.5\n0 0 1\n"), r"cam\.txt has no camera matrix"),
+        (lambda f: (f / "cam.txt").write_text("inf 0 31.5\n0 50 23.5\n0 0 1\n"), r"line 1 of .*cam\.txt has 'inf'"),
+        (
+            lambda f: (f / "cam.txt").write_text("50 0 1e99\n0 50 23.5\n0 0 1\n"),
+            r"cam\.txt has focal .* of images of 64x48",
+        ),
         (lambda f: [p.unlink() for p in f.glob("*.png")], "with two images or more: .*has cam.txt, depth"),
     ],
 )
@@ -76,8 +91,39 @@ def test_a_truncated_archive(tmp_path: Path):
     (sequence,) = posed_depth(folder)
     content = (folder / "depth_48x64.npz").read_bytes()
     (folder / "depth_48x64.npz").write_bytes(content[: len(content) // 2])
-    with pytest.raises(BadInputError, match="cannot read the array 0000000000"):
+    with pytest.raises(BadInputError, match=r"0000000000\.npy in .*depth_48x64\.npz is damaged"):
         sequence.depth(0)
+
+
+@pytest.fixture
+def with_damaged_depth(tmp_path: Path) -> Path:
+    """Three frames, of which the depth of the second is packed into bytes that zlib can't unpack."""
+    folder = make_posed_depth(tmp_path / "drive")
+    np.savez_compressed(folder / "depth_48x64.npz", **{f"{i:010d}": depth_of(i) for i in range(3)})
+    with zipfile.ZipFile(folder / "depth_48x64.npz") as archive:
+        member = archive.infolist()[1]
+    content = bytearray((folder / "depth_48x64.npz").read_bytes())
+    start = member.header_offset + 30 + len(member.filename)
+    content[start : start + member.compress_size] = b"\xff" * member.compress_size
+    (folder / "depth_48x64.npz").write_bytes(content)
+    return folder
+
+
+def test_damaged_depth_leaves_the_pair_out_of_training(with_damaged_depth: Path):
+    sources = [Source(posed_depth(with_damaged_depth))]
+    pairs = TrainingPairs(sources, SourceSampler(sources, [all_overlap(3)], 0.5, 1), PoseDepthInliers(), None, 20)
+    drawn = [pairs[index] for index in range(len(pairs))]
+    assert {item.pair.name for item in drawn} <= {"drive:0-2", "drive:2-0"}
+    skipped = [why for item in drawn for why in item.skipped]
+    assert len(skipped) > 5
+    assert all(re.fullmatch(r"0000000001\.npy in .*depth_48x64\.npz is damaged: .*", why) for why in skipped)
+
+
+def test_damaged_depth_is_refused_by_an_evaluation(with_damaged_depth: Path):
+    listed = [ListedPair(0, 0, 2, math.nan), ListedPair(0, 0, 1, math.nan)]
+    pairs = PairSet([Source(posed_depth(with_damaged_depth))], listed, PoseDepthInliers())
+    with pytest.raises(BadInputError, match=r"0000000001\.npy in .*depth_48x64\.npz is damaged"):
+        pairs.verifiable()
 
 
 def test_fingerprint(tmp_path: Path):

@@ -1,4 +1,5 @@
 import json
+import math
 import warnings
 
 import cv2
@@ -133,13 +134,15 @@ def test_a_camera_that_is_not_of_the_images(tmp_path):
     file.write_text(json.dumps(camera | {"w": 320, "h": 240}))
     with pytest.raises(BadInputError, match="is 160x120, but its camera is for 320x240"):
         rgbd(tmp_path)[0].frame(0)
-    for wrong in ({"px": -1.0}, {"model": "KannalaBrandt"}, {"w": "wide"}, {"depthScale": None}):
+    infinite = [{key: value} for key in ("px", "u0", "w", "depthScale") for value in (math.inf, math.nan, -math.inf)]
+    for wrong in ({"px": -1.0}, {"model": "KannalaBrandt"}, {"w": "wide"}, {"depthScale": None}, *infinite):
         file.write_text(json.dumps(camera | wrong))
         with pytest.raises(BadInputError, match=r"cam\.json"):
             rgbd(tmp_path)
-    file.write_text("{")
-    with pytest.raises(BadInputError, match=r"cam\.json must be JSON"):
-        rgbd(tmp_path)
+    for text in ("{", "[" * 100_000, "[1]", '{"px": ' + "9" * 5000 + "}"):
+        file.write_text(text)
+        with pytest.raises(BadInputError, match=r"cam\.json must be JSON"):
+            rgbd(tmp_path)
 
 
 @pytest.mark.parametrize("options", [{"max_side": 8}, {"tolerance": -1.0}, {"tolerance": float("nan")}])

@@ -159,7 +159,7 @@ def test_what_is_missing_is_told(tmp_path: Path):
     ):
         robotcar(tmp_path)
     for content, words in (
-        (f"{START} 1\nsoon 1\n", r"line 2 of .*\.timestamps begins with 'soon'"),
+        (f"{START} 1\nsoon 1\n", r"line 2 of .*\.timestamps has 'soon', not a time in microseconds"),
         ("", "no two images"),
     ):
         (folder / "stereo.timestamps").write_text(content)

@@ -138,7 +138,11 @@ def test_an_unknown_camera(tmp_path):
     ("table", "line", "message"),
     [
         ("groundtruth.txt", "1305031102.2 0 0 0 0 0 0 0", "quaternion of length 0"),
+        ("groundtruth.txt", "1305031102.2 0 0 0 1e308 1e308 0 0", "quaternion of length inf"),
+        ("groundtruth.txt", "1305031102.2 0 0 0 0 0 0 2", "quaternion of length 2"),
+        ("groundtruth.txt", "1305031102.2 1e300 0 0 0 0 0 1", "no place on earth"),
         ("groundtruth.txt", "1305031102.2 0 0 0", "values"),
+        ("rgb.txt", f"1305031102.2 {'a' * 300}.png", "no name of a file"),
         ("rgb.txt", "1305031102.2", "a time and a file"),
         ("rgb.txt", "soon rgb/a.png", "'soon'"),
         ("rgb.txt", "1305031102.2 ../a.png", "leaves the folder"),

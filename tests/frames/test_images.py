@@ -1,6 +1,7 @@
 """What comes out is compared with PIL, or with the numbers that went in."""
 
 import io
+import resource
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from textured_scenes import texture
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import read_grey, resize_max_side, to_grey
+from sips_lit.frames.images import decode_values, read_grey, resize_max_side, to_grey
 from sips_lit.frames.listing import list_images
 from sips_lit.frames.span import FULL
 
@@ -259,3 +260,32 @@ def test_a_thermal_image_alone_uses_its_own_range(tmp_path: Path):
     assert read.std() > 0.7 * grey.std()
     assert np.corrcoef(read.ravel(), grey.ravel())[0, 1] > 0.999
     np.testing.assert_array_equal(read_grey(path, FULL), (28900 + grey.astype(float) * 4 + 128) // 257)
+
+
+def test_headers_that_claim_more_pixels_than_the_file_holds():
+    """libjpeg would fill 32000 x 32000 pixels of grey, for a minute."""
+    data = cv2.imencode(".jpg", texture(48, 64))[1].tobytes()
+    start = data.index(b"\xff\xc0") + 5
+    large = data[:start] + (32000).to_bytes(2, "big") * 2 + data[start + 4 :]
+    with pytest.raises(BadInputError, match=r"a\.jpg claims more pixels than its \d+ bytes can hold"):
+        decode_values(large, "a.jpg")
+    larger = data[:start] + (7000).to_bytes(2, "big") * 2 + data[start + 4 :]
+    with pytest.raises(BadInputError, match="claims more pixels"):
+        decode_values(larger, "a.jpg")
+
+
+def test_images_that_hardly_need_bytes_are_read():
+    black = np.zeros((5000, 6600), np.uint8)
+    for suffix in (".png", ".jpg", ".tif"):
+        np.testing.assert_array_equal(decode_values(cv2.imencode(suffix, black)[1].tobytes(), "black"), black)
+
+
+def test_a_length_in_a_png_that_asks_for_gigabytes():
+    """OpenCV would allocate them, and fill them for seconds, before it finds that the file ends."""
+    data = cv2.imencode(".png", GREY)[1].tobytes()
+    np.testing.assert_array_equal(decode_values(data + b"some more", "a.png"), GREY)
+    at = data.index(b"IDAT") - 4
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(BadInputError, match=r"a\.png is not an image that OpenCV can read, or is truncated"):
+        decode_values(data[:at] + b"\xee" + data[at + 1 :], "a.png")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < before + 100_000  # kB

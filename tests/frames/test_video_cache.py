@@ -86,7 +86,19 @@ def test_bytes_of_a_damaged_cache_are_replaced(clip: Path, tmp_path: Path):
     assert (cached(tmp_path) / "frames.u8").stat().st_size == 12 * 160 * 120
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "3", '{"shape": null}', '{"shape": [12, 120, 160]}'])
+REST = '"damage": null, "more": false}'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "{", "[]", "3", "[" * 100_000, '{"shape": null}', '{"shape": [12, 120, 160]}'),
+        '{"shape": [Infinity, 120, 160], "cuts": [], ' + REST,
+        '{"shape": [12.0, 120, 160], "cuts": [], ' + REST,
+        '{"shape": [12, 120, 160], "cuts": ["3"], ' + REST,
+        '{"shape": [12, 120, 160], "cuts": [5, 99], ' + REST,
+    ],
+)
 def test_a_damaged_description_is_made_anew(clip: Path, tmp_path: Path, text: str):
     expected = one(clip, tmp_path)
     meta = cached(tmp_path) / "meta.json"

@@ -37,6 +37,8 @@ def test_a_list_names_files_folders_and_globs_relative_to_itself(videos, monkeyp
     [
         (("a.avi", "gone.avi"), r"there is no video .*/videos/gone\.avi"),
         (("# nothing",), r"there is no video .*list\.txt"),
+        (("a" * 300,), r"list\.txt names a+, which can't be a file"),
+        (("a\0.avi",), r"list\.txt names a.x00\.avi, which can't be a file"),
         (("list.txt",), r"list\.txt names another list"),
     ],
 )

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from textured_scenes import texture
 
+from sips_lit.archives import zip_members
+from sips_lit.archives.zip_members import OPEN_ARCHIVES, read_member
 from sips_lit.errors import BadInputError
-from sips_lit.frames import zip_images
-from sips_lit.frames.zip_images import OPEN_ARCHIVES, ZipSequence, list_members, read_member
+from sips_lit.frames.zip_images import ZipSequence, list_images
 
 
 def encoded(image: np.ndarray, suffix: str = ".jpg") -> bytes:
@@ -49,7 +50,7 @@ def test_bytes_as_they_were_written(tmp_path: Path):
         archive.writestr(entry, encoded(texture(48, 64)))
     path.write_bytes(b"a program before the archive" + path.read_bytes())
     expected = [encoded(texture(48, 64, i)) for i in (0, 1, 2)] + [encoded(texture(48, 64))]
-    assert [read_member(path, member) for member in list_members(path)] == expected
+    assert [read_member(path, member) for member in list_images(path)] == expected
 
 
 def test_few_archives_stay_open(tmp_path: Path, monkeypatch):
@@ -57,7 +58,7 @@ def test_few_archives_stay_open(tmp_path: Path, monkeypatch):
         links = [file.readlink() for file in Path("/proc/self/fd").iterdir() if file.is_symlink()]
         return sum(str(link).startswith(str(tmp_path)) for link in links)
 
-    monkeypatch.setattr(zip_images, "_opened", lru_cache(5)(zip_images._opened.__wrapped__))
+    monkeypatch.setattr(zip_members, "_opened", lru_cache(5)(zip_members._opened.__wrapped__))
     assert 50 <= OPEN_ARCHIVES <= 128  # all of TUM mono; far from the usual limit of 1024 open files
     sequences = [ZipSequence(write_zip(tmp_path / f"{i}.zip", 2)) for i in range(12)]
     assert open_here() == 0  # until a frame is read
@@ -110,9 +111,10 @@ def test_what_is_no_image_is_passed_over(tmp_path: Path):
     path = write_zip(tmp_path / "a.zip")
     with zipfile.ZipFile(path, "a") as archive:
         archive.mkdir("more")
+        archive.writestr(zipfile.ZipInfo("\0"), b"without a name")
         for name in ("notes.txt", "__MACOSX/._00000.jpg", ".hidden/1.jpg", "more/.x.jpg"):
             archive.writestr(name, b"no image")
-    assert [member.filename for member in list_members(path)] == [f"{i:05d}.jpg" for i in range(4)]
+    assert [member.filename for member in list_images(path)] == [f"{i:05d}.jpg" for i in range(4)]
 
 
 def test_max_side_and_fingerprint(tmp_path: Path):
@@ -146,7 +148,7 @@ def test_threads_and_processes_read_at_once(tmp_path: Path):
 @pytest.mark.parametrize("packed", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
 def test_a_damaged_member_is_named(tmp_path: Path, packed: int):
     path = write_zip(tmp_path / "a.zip", packed=packed)
-    member = list_members(path)[2]
+    member = list_images(path)[2]
     data = bytearray(path.read_bytes())
     data[member.header_offset + 30 + len(member.filename) + member.compress_size // 2] ^= (
         0x10  # one bit in the middle of the picture
@@ -185,7 +187,7 @@ def test_what_is_no_picture_and_another_size(tmp_path: Path):
 def test_truncated_empty_or_no_archive(tmp_path: Path):
     path = write_zip(tmp_path / "a.zip")
     path.write_bytes(path.read_bytes()[:-30])
-    with pytest.raises(BadInputError, match=r"a\.zip is not a zip archive, or is truncated: .*download it again"):
+    with pytest.raises(BadInputError, match=r"a\.zip is not a zip archive, or is truncated: .*get it again"):
         ZipSequence(path)
     for count, words in ((0, "has no image:"), (1, "has one image:")):
         with pytest.raises(BadInputError, match=words):
@@ -245,3 +247,9 @@ def test_members_that_lie_about_their_size(tmp_path: Path):
     claim(path, 50_000_001)
     with pytest.raises(BadInputError, match=r"0\.png in .*bomb\.zip is damaged"):
         ZipSequence(path).frame(0)
+
+
+def test_names_longer_than_those_of_files(tmp_path: Path):
+    path = write_zip(tmp_path / "a.zip", name="9" * 5000 + "{}.jpg")
+    with pytest.raises(BadInputError, match="longer than that of any file"):
+        ZipSequence(path)

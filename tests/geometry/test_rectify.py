@@ -142,3 +142,10 @@ def test_equidistant_lenses():
     depth = (points @ left.rotation.T)[:, 2]
     np.testing.assert_allclose(x1[:, 1], x0[:, 1], atol=1e-6)  # rows are aligned
     np.testing.assert_allclose(x0[:, 0] - x1[:, 0], left.camera.matrix[0, 0] * baseline / depth, atol=1e-6)
+
+
+@pytest.mark.parametrize("distortion", [(1e300, 0, 0, 0), (1e9, 1e9, 0, 0)])
+def test_a_lens_that_shows_nothing_is_refused(distortion):
+    lens = LensCamera(LEFT.matrix, np.array(distortion), LEFT.size)
+    with pytest.raises(BadInputError, match=r"no pinhole camera shows .* set data\.rectify=false"):
+        rectify_mono(lens)
