@@ -23,3 +23,9 @@ def test_an_interruption_is_nothing_that_code_recovers_from():
     """A method that fails is skipped and the next one measured, but Ctrl-C has to end the command."""
     assert not issubclass(TrainingInterrupted, ValueError)
     assert not issubclass(BadInputError, TrainingInterrupted)
+
+
+def test_an_interruption_knows_its_signal():
+    stopped = pickle.loads(pickle.dumps(TrainingInterrupted("stopped at step 3", 15)))
+    assert (str(stopped), stopped.number) == ("stopped at step 3", 15)
+    assert TrainingInterrupted("stopped").number == 2

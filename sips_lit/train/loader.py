@@ -160,8 +160,18 @@ def _step_back() -> None:
 
 
 def _quiet_worker(_: int) -> None:
-    """A loading worker leaves the threads to the network, and Ctrl-C to the parent."""
+    """A loading worker leaves the threads to the network, and signals that all processes get to the parent."""
     cv2.setNumThreads(0)  # forked OpenCV threads hang
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "sigwaitinfo"):  # Linux
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+        threading.Thread(target=_end_for_parent, args=(os.getppid(),), daemon=True).start()
     _step_back()
+
+
+def _end_for_parent(parent: int) -> None:
+    """Ends the process when its parent asks for it, and not when a scheduler asks the whole group."""
+    while signal.sigwaitinfo({signal.SIGTERM}).si_pid != parent:
+        pass
+    os._exit(0)
