@@ -50,9 +50,9 @@ def write_whole(path: Path, content: Buffer) -> None:
 
 def unwritten(path: Path, error: OSError) -> str:
     """Why a file could not be written, with the disk if it is full."""
-    if error.errno not in FULL:
-        return f"cannot write {path} ({error.strerror}): free some space, or write elsewhere"
-    return f"cannot write {path}: the disk {disk_of(path)} is full ({error.strerror}): free some space on it, or write elsewhere"
+    full = error.errno in FULL
+    what = f"cannot write {path}: the disk {disk_of(path)} is full" if full else f"cannot write {path}"
+    return f"{what} ({error.strerror}): free some space, or write elsewhere"
 
 
 def disk_of(path: Path) -> Path:

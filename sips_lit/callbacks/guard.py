@@ -66,7 +66,7 @@ class GracefulStop(Checkpoint):
         self._previous: dict[int, Any] = {}
 
     def on_fit_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
-        """Listens, in place of Lightning, which stops in the middle of a validation, and hangs if one process alone is told."""
+        """Listens in place of Lightning, which stops within a validation and hangs if one process alone is told."""
         self.requested = 0
         trainer._signal_connector._sigterm_notifier_fn = lambda *_: None  # type: ignore[method-assign]
         if threading.current_thread() is threading.main_thread():
