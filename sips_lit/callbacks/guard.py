@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import signal
+import subprocess
 import threading
 from dataclasses import asdict
 from pathlib import Path
@@ -20,6 +21,8 @@ from torch import Tensor
 from sips_lit.errors import BadInputError, TrainingInterrupted
 from sips_lit.files import make_folder, write_whole
 from sips_lit.train.loader import LabelledPair
+
+SECONDS_TO_END = 10  # of a process that has stopped together with the first one
 
 
 class NonFiniteGuard(L.Callback):
@@ -110,7 +113,9 @@ class GracefulStop(Checkpoint):
         self._give_back()
         processes = getattr(trainer.strategy.launcher, "procs", [])
         for process in processes:
-            process.kill()  # it would wait for this one
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(SECONDS_TO_END if isinstance(exception, TrainingInterrupted) else 0)
+            process.kill()  # it may wait for this one
         processes.clear()  # Lightning's observer of them would kill this one
 
     def _give_back(self) -> None:
