@@ -12,6 +12,7 @@ import sips_lit.cli  # noqa: F401 - first: it sets how OpenMP threads wait
 # isort: split
 
 import argparse
+import contextlib
 import multiprocessing
 import os
 import random
@@ -247,10 +248,8 @@ def ended(child: multiprocessing.process.BaseProcess, seconds: float = 120) -> i
     """The exit code, None if it hangs; nothing of its process group is left."""
     child.join(seconds)
     code = child.exitcode
-    try:
+    with contextlib.suppress(ProcessLookupError):
         os.killpg(child.pid or 0, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
     child.join()
     return code
 

@@ -43,10 +43,10 @@ def shared_cases(shared_data: Path) -> Path:
 
 @pytest.fixture
 def full_disk(tmp_path) -> Iterator[Path]:
-    """A disk of its own of 512 kB, where the machine lets us mount one."""
+    """A disk of its own of 2 MB, where the machine lets us mount one."""
     disk = tmp_path / "disk"
     disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", str(disk)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(disk)]
     try:
         subprocess.run(mount, check=True, capture_output=True)
     except (OSError, subprocess.CalledProcessError):

@@ -66,7 +66,7 @@ def test_ctrl_c_leaves_nothing_half_written(tmp_path, monkeypatch):
 def test_a_disk_that_is_really_full(full_disk):
     write_whole(full_disk / "file", b"a" * 200_000)
     with pytest.raises(BadInputError, match=f"the disk {full_disk} is full"):
-        write_whole(full_disk / "file", b"b" * 400_000)
+        write_whole(full_disk / "file", b"b" * 2_000_000)
     assert (full_disk / "file").read_bytes() == b"a" * 200_000
     assert names(full_disk) == ["file"]
 

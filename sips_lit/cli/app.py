@@ -83,6 +83,7 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     plain_warnings()
+    threading.excepthook = quiet_if_explained
     try:
         with signals_heard():
             yield
@@ -102,6 +103,12 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
         if config is not None and HydraConfig.get().mode == RunMode.MULTIRUN:
             raise JobFailed(f"a job failed: {sentence}") from None  # an exit would end the jobs that are to come
         sys.exit(1)
+
+
+def quiet_if_explained(arguments: threading.ExceptHookArgs) -> None:
+    """No traceback of a thread that writes to a full disk: TensorBoard's raises the error in the main thread, too."""
+    if not (isinstance(arguments.exc_value, OSError) and arguments.exc_value.errno in FULL):
+        threading.__excepthook__(arguments)
 
 
 @contextmanager

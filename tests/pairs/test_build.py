@@ -109,10 +109,14 @@ def test_ctrl_c_does_not_wait_for_the_end_of_a_long_sequence(tmp_path, stop):
             began.set()
             time.sleep(1e-3)
 
-    with pytest.raises(stop), measuring_threads(1, lambda: None) as (pool, on_frame):
-        pool.submit(long_sequence, on_frame)
-        assert began.wait(10)
-        raise stop
+    def main() -> None:
+        with measuring_threads(1, lambda: None) as (pool, on_frame):
+            pool.submit(long_sequence, on_frame)
+            assert began.wait(10)
+            raise stop
+
+    with pytest.raises(stop):
+        main()
     assert len(frames) < 20_000
 
 
@@ -126,10 +130,14 @@ def test_an_error_of_one_sequence_lets_the_others_end(tmp_path):
             began.set()
             time.sleep(1e-3)
 
-    with pytest.raises(BadInputError), measuring_threads(1, lambda: None) as (pool, on_frame):
-        pool.submit(sequence, on_frame)
-        assert began.wait(10)
-        raise BadInputError("another sequence can't be read")
+    def main() -> None:
+        with measuring_threads(1, lambda: None) as (pool, on_frame):
+            pool.submit(sequence, on_frame)
+            assert began.wait(10)
+            raise BadInputError("another sequence can't be read")
+
+    with pytest.raises(BadInputError):
+        main()
     assert len(frames) == 20
 
 

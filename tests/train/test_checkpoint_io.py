@@ -108,9 +108,9 @@ def test_a_damaged_checkpoint_does_not_replace_the_sound_one_before_it(tmp_path)
 def test_a_full_disk_keeps_both_and_is_named(full_disk):
     last = full_disk / "last.ckpt"
     saved(last, 1, 30_000)
-    saved(last, 2, 30_000)  # 120 kB each of 512
+    saved(last, 2, 30_000)
     with pytest.raises(BadInputError, match=rf"cannot write .*last\.ckpt.*: the disk {full_disk} is full"):
-        saved(last, 3, 90_000)
+        saved(last, 3, 500_000)  # 2 MB
     assert (number_in(last), number_in(previous_of(last))) == (2, 1)
     assert names(full_disk) == ["last.ckpt", "last.previous.ckpt"]
 
