@@ -1,7 +1,7 @@
 """Kills a tiny training at random, resumes it, and compares its end bit for bit with a run that nobody disturbed.
 
 ``python benchmarks/kills.py --kills 100``: of a hundred kills, 20 fall while a checkpoint is written, 20 are a SIGTERM in
-one phase after the other, and 60 a SIGKILL at any time. Runs are processes forked from this one, which has the modules
+one phase after the other, 10 a SIGTERM and 50 a SIGKILL at any time. Runs are processes forked from this one, which has the modules
 loaded; their outputs and their temporary folder are on different file systems, either way round.
 """
 
@@ -53,6 +53,7 @@ COMPARISON = [
 ]  # fmt: skip
 PHASES = ("set-up", "sanity check", "training", "within a step", "validation", "last validation", "comparison")
 SAVED = PHASES[2:]  # phases in which a signal leaves a checkpoint
+AT_ANY_TIME = {"SIGKILL at any time": signal.SIGKILL, "SIGTERM at any time": signal.SIGTERM}
 Sabotage = Callable[[], None]
 
 
@@ -276,12 +277,15 @@ class Trial:
 
     def kill(self, site: Site, kind: str) -> bool:
         """One kill of a run, which starts or goes on for it; False if the run was faster."""
-        if kind == "SIGKILL at any time":
-            child = site.start()
-            time.sleep(self.random.uniform(0, 1.1 * self.seconds))
+        if kind in AT_ANY_TIME:
+            number, child = AT_ANY_TIME[kind], site.start()
+            time.sleep(self.random.uniform(0, self.seconds))
             if child.is_alive():
-                os.kill(child.pid or 0, signal.SIGKILL)
-            return self.judge(site, kind, ended(child), -signal.SIGKILL)
+                os.kill(child.pid or 0, number)
+            code = ended(child)
+            if code == -signal.SIGTERM:  # before the command has begun
+                code = 128 + signal.SIGTERM
+            return self.judge(site, kind, code, 128 + number if number == signal.SIGTERM else -number)
         if kind == "while a checkpoint is written":
             delay = self.random.uniform(0, 1.2) * float(np.median(self.writing))
             count = self.random.randint(1, len(self.writing))
@@ -355,6 +359,7 @@ def main() -> int:
     fifth = options.kills // 5
     kinds = ["while a checkpoint is written"] * fifth
     kinds += [f"SIGTERM in {PHASES[index % len(PHASES)]}" for index in range(fifth)]
+    kinds += ["SIGTERM at any time"] * (options.kills // 10)
     kinds += ["SIGKILL at any time"] * (options.kills - len(kinds))
     with (
         tempfile.TemporaryDirectory(dir=options.disks[0]) as one,

@@ -30,7 +30,7 @@ from sips_lit.files import FULL, disk_of, unwritten
 
 PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
-INTERRUPTED = 128 + signal.SIGINT  # as a shell has it
+INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # as a shell has it
 # what a constructor raises for values that it can't take; by name, since not every command loads Lightning
 REFUSED = ("TypeError", "ValueError", "MisconfigurationException")
 Options = TypeVar("Options")
@@ -91,6 +91,8 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
         print("interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
     except SystemExit as stop:
+        if stop.code == TERMINATED:
+            print("terminated", file=sys.stderr)
         # what Lightning makes of a Ctrl-C during a fit
         sys.exit(INTERRUPTED if isinstance(stop.__context__, KeyboardInterrupt) else stop.code)
     except Exception as error:
