@@ -1,8 +1,8 @@
 """Kills a tiny training at random, resumes it, and compares its end bit for bit with a run that nobody disturbed.
 
 ``python benchmarks/kills.py --kills 100``: of a hundred kills, 20 fall while a checkpoint is written, 20 are a SIGTERM in
-one phase after the other, 10 a SIGTERM and 50 a SIGKILL at any time. Runs are processes forked from this one, which has the modules
-loaded; their outputs and their temporary folder are on different file systems, either way round.
+one phase after the other, 10 a SIGTERM and 50 a SIGKILL at any time. Runs are processes forked from this one, which has
+the modules loaded; their outputs and their temporary folder are on different file systems, either way round.
 """
 
 from __future__ import annotations
