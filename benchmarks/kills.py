@@ -21,7 +21,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -268,6 +268,7 @@ class Trial:
         assert code == 0, site.log.read_text()
         self.seconds = time.perf_counter() - began
         self.writing = [float(line) for line in report.read_text().split()]
+        self.pace: defaultdict[str, float] = defaultdict(lambda: 1.0)  # of the machine now, by what came too late
         self.whole = site.content()
         site.remove()
 
@@ -279,7 +280,7 @@ class Trial:
         """One kill of a run, which starts or goes on for it; False if the run was faster."""
         if kind in AT_ANY_TIME:
             number, child = AT_ANY_TIME[kind], site.start()
-            time.sleep(self.random.uniform(0, self.seconds))
+            time.sleep(self.random.uniform(0, self.seconds * self.pace[kind]))
             if child.is_alive():
                 os.kill(child.pid or 0, number)
             code = ended(child)
@@ -287,7 +288,7 @@ class Trial:
                 code = 128 + signal.SIGTERM
             return self.judge(site, kind, code, 128 + number if number == signal.SIGTERM else -number)
         if kind == "while a checkpoint is written":
-            delay = self.random.uniform(0, 1.2) * float(np.median(self.writing))
+            delay = self.random.uniform(0, float(np.median(self.writing)) * self.pace[kind])
             count = self.random.randint(1, len(self.writing))
             return self.judge(site, kind, ended(site.start(partial(kill_in_writing, count, delay))), -signal.SIGALRM)
         phase, step = kind.removeprefix("SIGTERM in "), self.random.randint(0, STEPS - 2)
@@ -302,6 +303,7 @@ class Trial:
             self.wrong(site, f"{kind} ended in code {code}")
         if code == expected:
             self.figures.kills[kind] += 1
+        self.pace[kind] *= 1.1 if code == expected else 0.8
         checkpoints = site.run / "checkpoints"
         for name in ("last", "last.previous", "best", "best.previous"):
             path = checkpoints / f"{name}.ckpt"
@@ -358,7 +360,8 @@ def main() -> int:
     torch.set_num_threads(1)
     fifth = options.kills // 5
     kinds = ["while a checkpoint is written"] * fifth
-    kinds += [f"SIGTERM in {PHASES[index % len(PHASES)]}" for index in range(fifth)]
+    phases = random.Random(options.seed).sample(PHASES, len(PHASES))
+    kinds += [f"SIGTERM in {phases[index % len(phases)]}" for index in range(fifth)]
     kinds += ["SIGTERM at any time"] * (options.kills // 10)
     kinds += ["SIGKILL at any time"] * (options.kills - len(kinds))
     with (

@@ -1,3 +1,9 @@
+import multiprocessing
+import signal
+import subprocess
+import sys
+import time
+
 import pytest
 import torch
 from textured_scenes import flight
@@ -6,7 +12,7 @@ from train_stream import LENGTH, Learner, after_interruption, assert_same, loade
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.train.loader import LabelledPair, OneStepAhead
+from sips_lit.train.loader import LabelledPair, OneStepAhead, _quiet_worker
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +141,26 @@ def test_a_worker_that_dies_while_it_is_read_from_is_a_lost_worker(error, monkey
     learner = Learner()
     with pytest.raises(RuntimeError, match=r"DataLoader worker .* exited unexpectedly"):
         run(loader(learner, 1), learner)
+
+
+def work(ready) -> None:
+    _quiet_worker(0)
+    ready.set()
+    time.sleep(30)
+
+
+@pytest.mark.skipif(not hasattr(signal, "sigwaitinfo"), reason="the sender of a signal is known on Linux only")
+def test_a_worker_ends_when_its_parent_asks_and_not_with_the_whole_group():
+    context = multiprocessing.get_context("fork")
+    ready = context.Event()
+    worker = context.Process(target=work, args=(ready,))
+    worker.start()
+    assert ready.wait(20)
+    for name in ("SIGTERM", "SIGINT"):
+        send = f"import os, signal; os.kill({worker.pid}, signal.{name})"
+        subprocess.run([sys.executable, "-c", send], check=True)
+    time.sleep(0.3)
+    assert worker.is_alive()
+    worker.terminate()
+    worker.join(10)
+    assert worker.exitcode == 0
