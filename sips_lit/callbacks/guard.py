@@ -95,7 +95,7 @@ class GracefulStop(Checkpoint):
         number = self.requested
         if trainer.world_size > 1:
             asked = torch.tensor(number, device=trainer.strategy.root_device)
-            number = int(trainer.strategy.reduce(asked, reduce_op="max"))  # type: ignore[arg-type]
+            number = int(trainer.strategy.reduce(asked, reduce_op="max"))
         if number:
             trainer.save_checkpoint(self.checkpoint)
             if not trainer.is_global_zero:

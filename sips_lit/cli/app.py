@@ -209,7 +209,8 @@ def full_disk(error: OSError, config: DictConfig | None) -> str:
     """Which disk is full: that of the file, or, where the error names none, those without space that a run writes to."""
     if isinstance(error.filename, str):
         return unwritten(Path(error.filename), error)
-    paths = [str(path) for path in (config or {}).get("paths", {}).values() if path]
+    written: Any = {} if config is None else config.get("paths", {})
+    paths = [str(path) for path in written.values() if path]
     disks = {disk_of(Path(path)) for path in (*paths, tempfile.gettempdir())}
     full = ", ".join(sorted(str(disk) for disk in disks if shutil.disk_usage(disk).free < ALMOST_FULL))
     return f"the disk {full or 'of the outputs'} is full: free some space on it, or write elsewhere (hydra.run.dir=...)"
