@@ -67,7 +67,7 @@ def test_a_finished_stream_stays_finished():
     again = loader(Learner())
     again.load_state_dict(stream.state_dict())
     assert list(again) == []
-    assert stream.state_dict()["ahead"] == []
+    assert stream.state_dict()["processes"][0]["ahead"] == []
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
@@ -141,6 +141,42 @@ def test_a_worker_that_dies_while_it_is_read_from_is_a_lost_worker(error, monkey
     learner = Learner()
     with pytest.raises(RuntimeError, match=r"DataLoader worker .* exited unexpectedly"):
         run(loader(learner, 1), learner)
+
+
+def stored_after(stop: int, monkeypatch) -> dict:
+    """What a checkpoint of two processes holds: each asks for the points of the others, as by `torch.distributed`."""
+    own = []
+    for first in (0, 1):
+        learner = Learner()
+        stream = loader(learner, first=first, stride=2)
+        run(stream, learner, stop)
+        own += stream.state_dict()["processes"]
+    monkeypatch.setattr("sips_lit.train.loader._of_all_processes", lambda _: own)
+    return stream.state_dict()
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_each_of_two_processes_goes_on_with_its_own_points(monkeypatch, first):
+    learner = Learner()
+    whole = run(loader(learner, first=first, stride=2), learner)
+    learner = Learner()
+    run(loader(learner, first=first, stride=2), learner, 1)  # the learner as it was then
+    again = loader(learner, first=first, stride=2)
+    again.load_state_dict(stored_after(1, monkeypatch))
+    rest = run(again, learner)
+    assert len(rest) == len(whole) - 1 > 0
+    for pair, other in zip(rest, whole[1:], strict=True):
+        assert_same(pair, other)
+
+
+def test_another_number_of_processes_goes_on_at_the_same_place(monkeypatch):
+    names = [pair.name for pair in run(loader(Learner()), Learner())]
+    learner = Learner()
+    alone = loader(learner)
+    alone.load_state_dict(stored_after(1, monkeypatch))  # one pair each
+    rest = run(alone, learner)
+    assert [pair.name for pair in rest] == names[2:]
+    assert learner.events[:5] == [("select", 0)] * 4 + [("step", 0)]  # not the points that the two processes had
 
 
 def work(ready) -> None:
