@@ -18,6 +18,7 @@ import os
 import random
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -107,7 +108,9 @@ class SignalIn(L.Callback):
     def send(self, here: bool = True) -> None:
         if here and not self.done:
             self.done = True
-            (os.killpg if self.group else os.kill)(os.getpid(), signal.SIGTERM)
+            # from a process of its own: loading workers obey their parent, and not a scheduler
+            target = f"-{os.getpid()}" if self.group else f"{os.getpid()}"
+            subprocess.run(["kill", "-TERM", "--", target], check=True, start_new_session=True)
 
     def setup(self, trainer: L.Trainer, pl_module: L.LightningModule, stage: str) -> None:
         self.send(self.phase == "set-up")
@@ -291,7 +294,7 @@ class Trial:
             delay = self.random.uniform(0, float(np.median(self.writing)) * self.pace[kind])
             count = self.random.randint(1, len(self.writing))
             return self.judge(site, kind, ended(site.start(partial(kill_in_writing, count, delay))), -signal.SIGALRM)
-        phase, step = kind.removeprefix("SIGTERM in "), self.random.randint(0, STEPS - 2)
+        phase, step = kind.removeprefix("SIGTERM in: "), self.random.randint(0, STEPS - 2)
         site.compares = phase == "comparison"
         code = ended(site.start(partial(signal_in, phase, step, self.random.random() < 0.5)))
         if phase in SAVED and code == 143 and not site.last.exists():
@@ -361,7 +364,7 @@ def main() -> int:
     fifth = options.kills // 5
     kinds = ["while a checkpoint is written"] * fifth
     phases = random.Random(options.seed).sample(PHASES, len(PHASES))
-    kinds += [f"SIGTERM in {phases[index % len(phases)]}" for index in range(fifth)]
+    kinds += [f"SIGTERM in: {phases[index % len(phases)]}" for index in range(fifth)]
     kinds += ["SIGTERM at any time"] * (options.kills // 10)
     kinds += ["SIGKILL at any time"] * (options.kills - len(kinds))
     with (
