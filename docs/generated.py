@@ -41,7 +41,8 @@ def commands_page() -> str:
         "# Commands",
         "Each takes every key of its [configuration](configuration.md) on the command line (`key=value`), refuses unknown "
         "keys, prints what it wrote and where, and exits with 0 on success, 1 on bad input (one sentence says which file or "
-        "key, what is wrong and what to do), 130 after Ctrl-C. `--help` shows the configuration that results.",
+        "key, what is wrong and what to do), 130 after Ctrl-C, 143 after SIGTERM. `--help` shows the configuration that "
+        "results.",
     ]
     for command, target in scripts.items():
         module = target.partition(":")[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+import signal
 import warnings
 from typing import Any
 
@@ -21,7 +22,14 @@ class BadInputError(ValueError):
 
 
 class TrainingInterrupted(Exception):  # noqa: N818 - not an error: the user asked for it
-    """Training stopped on request; the message says where it was saved."""
+    """Training stopped on request; the message says where it was saved. ``number``: of the signal that asked."""
+
+    def __init__(self, message: str, number: int = signal.SIGINT) -> None:
+        super().__init__(message, number)
+        self.number = number
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class InputWarning(UserWarning):

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import codecs
+import contextlib
+import errno
 import os
 import re
 import uuid
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sips_lit.errors import BadInputError
 
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer as Buffer
+
+FULL = (errno.ENOSPC, errno.EDQUOT)  # no space left, a quota used up
 LONGEST_NAME = 255  # bytes of a file or folder's name on all common systems
 
 
@@ -21,7 +28,7 @@ def make_folder(path: Path) -> None:
         raise BadInputError(f"cannot make the folder {path} ({error.strerror}): choose another place") from error
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: Buffer) -> None:
     """Writes a file; a reader, also after a crash, finds the old content or the new one, never half of one.
 
     Raises BadInputError when it cannot be written.
@@ -34,9 +41,27 @@ def write_whole(path: Path, content: bytes) -> None:
             handle.flush()
             os.fsync(handle.fileno())  # else a crash after the renaming may leave an empty file
         temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise BadInputError(f"cannot write {path} ({error.strerror}): free some space, or write elsewhere") from error
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise BadInputError(unwritten(path, error)) from error
+        raise
+
+
+def unwritten(path: Path, error: OSError) -> str:
+    """Why a file could not be written, with the disk if it is full."""
+    full = error.errno in FULL
+    what = f"cannot write {path}: the disk {disk_of(path)} is full" if full else f"cannot write {path}"
+    return f"{what} ({error.strerror}): free some space, or write elsewhere"
+
+
+def disk_of(path: Path) -> Path:
+    """The folder at which the file system of a path is mounted."""
+    path = path.resolve()
+    while not path.is_mount() and path != path.parent:
+        path = path.parent
+    return path
 
 
 def read_text(path: Path) -> str:

@@ -1,4 +1,6 @@
+import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -37,3 +39,17 @@ def shared_data() -> Path:
 def shared_cases(shared_data: Path) -> Path:
     """Folder of small awkward inputs, for tests marked ``shared_data``."""
     return shared_data.parent / "cases"
+
+
+@pytest.fixture
+def full_disk(tmp_path) -> Iterator[Path]:
+    """A disk of its own of 2 MB, where the machine lets us mount one."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(disk)]
+    try:
+        subprocess.run(mount, check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("a disk can't be mounted here")
+    yield disk
+    subprocess.run(["umount", "-l", str(disk)], check=True)

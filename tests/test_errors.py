@@ -41,3 +41,9 @@ def test_what_is_quoted_from_a_file_stays_on_the_line():
     assert str(BadInputError(f"there is no {path}")) == f"there is no {path}"
     with pytest.warns(InputWarning, match=r"two\\nlines"):
         warn_input("two\nlines")
+
+
+def test_an_interruption_knows_its_signal():
+    stopped = pickle.loads(pickle.dumps(TrainingInterrupted("stopped at step 3", 15)))
+    assert (str(stopped), stopped.number) == ("stopped at step 3", 15)
+    assert TrainingInterrupted("stopped").number == 2

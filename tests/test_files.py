@@ -1,10 +1,11 @@
+import re
 import threading
 from pathlib import Path
 
 import pytest
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import make_folder, write_whole
+from sips_lit.files import disk_of, make_folder, write_whole
 
 
 def names(folder: Path) -> list[str]:
@@ -39,10 +40,45 @@ def test_a_failed_write_keeps_the_old_content(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(BadInputError, match="No space left on device"):
+    disk = re.escape(str(disk_of(tmp_path)))
+    with pytest.raises(
+        BadInputError, match=rf"cannot write {path}: the disk {disk} is full \(No space left on device\)"
+    ):
         write_whole(path, b"new")
     assert path.read_bytes() == b"old"
     assert names(tmp_path) == ["file"]
+
+
+def test_ctrl_c_leaves_nothing_half_written(tmp_path, monkeypatch):
+    path = tmp_path / "file"
+    write_whole(path, b"old")
+
+    def interrupted(handle: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_whole(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert names(tmp_path) == ["file"]
+
+
+def test_a_disk_that_is_really_full(full_disk):
+    write_whole(full_disk / "file", b"a" * 200_000)
+    with pytest.raises(BadInputError, match=f"the disk {full_disk} is full"):
+        write_whole(full_disk / "file", b"b" * 2_000_000)
+    assert (full_disk / "file").read_bytes() == b"a" * 200_000
+    assert names(full_disk) == ["file"]
+
+
+def test_the_disk_of_a_path_is_that_of_the_folder_it_will_be_in(tmp_path):
+    assert disk_of(Path("/")) == Path("/")
+    shm = Path("/dev/shm")
+    if not shm.is_mount():
+        pytest.skip("needs /dev/shm")
+    assert disk_of(shm / "not" / "there" / "yet") == shm
+    (tmp_path / "link").symlink_to(shm)
+    assert disk_of(tmp_path / "link" / "run") == shm
 
 
 def test_readers_see_whole_files_only(tmp_path):

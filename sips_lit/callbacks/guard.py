@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 import signal
+import subprocess
 import threading
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any
 
 import lightning as L
 import torch
+from lightning.pytorch.callbacks import Checkpoint
 from torch import Tensor
 
 from sips_lit.errors import BadInputError, TrainingInterrupted
+from sips_lit.files import make_folder, write_whole
 from sips_lit.train.loader import LabelledPair
+
+SECONDS_TO_END = 10  # of a process that has stopped together with the first one
 
 
 class NonFiniteGuard(L.Callback):
@@ -37,30 +45,33 @@ class NonFiniteGuard(L.Callback):
         """Raises BadInputError when the loss is not finite."""
         if torch.isfinite(loss):
             return
-        self.folder.mkdir(parents=True, exist_ok=True)
-        path = self.folder / "nonfinite_batch.pt"
-        torch.save(_plain(self.batch), path)
+        make_folder(self.folder)
+        path, content = self.folder / "nonfinite_batch.pt", io.BytesIO()
+        torch.save(_plain(self.batch), content)
+        write_whole(path, content.getbuffer())
         raise BadInputError(
             f"the loss became {float(loss.detach())} at step {trainer.global_step}: the batch is saved as {path}; lower "
             "optim.optimizer.lr, or train with trainer.precision=32-true; checkpoints up to the last validation are intact"
         )
 
 
-class GracefulStop(L.Callback):
-    """On Ctrl-C (or SIGTERM) finishes the step, saves ``checkpoint`` and raises TrainingInterrupted.
+class GracefulStop(Checkpoint):
+    """On Ctrl-C or SIGTERM finishes the step, saves ``checkpoint`` and raises TrainingInterrupted.
 
-    During a validation, or right before one, it waits for its end. A second Ctrl-C stops at once and saves nothing.
+    A validation that runs or is due comes first: a resumed run would leave it out. Of several processes any may get the
+    signal: all stop at the same step. Ctrl-C after that stops at once and saves nothing; another SIGTERM is no haste, as
+    schedulers send it twice. Being a Checkpoint, this comes after the callbacks that measure and save a validation.
     """
 
     def __init__(self, checkpoint: str | Path) -> None:
         self.checkpoint = Path(checkpoint)
-        self.requested = False
-        self._saved = False
+        self.requested = 0  # the number of the signal
         self._previous: dict[int, Any] = {}
 
     def on_fit_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
-        """Listens."""
-        self.requested = self._saved = False
+        """Listens in place of Lightning, which stops within a validation and hangs if one process alone is told."""
+        self.requested = 0
+        trainer._signal_connector._sigterm_notifier_fn = lambda *_: None  # type: ignore[method-assign]
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._previous[number] = signal.signal(number, self._on_signal)
@@ -68,49 +79,57 @@ class GracefulStop(L.Callback):
     def on_train_batch_end(
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
-        """Saves and stops if it was asked to, and if the run can go on from here.
-
-        Not while gradients are accumulated, nor when a validation follows: a resumed run would leave it out.
-        """
+        """Saves and stops if it was asked to, and if the run can go on from here."""
         count = batch_idx + 1
         inside_step = count % trainer.accumulate_grad_batches != 0
         validates = trainer.should_stop or count % (trainer.val_check_batch or count + 1) == 0
-        if self.requested and not inside_step and not validates:
-            self._save(trainer)
-            self._stop(trainer)
+        if not inside_step and not validates:
+            self._stop_if_asked(trainer)
 
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
-        """Saves if it was asked to stop; callbacks that come later still see the validation."""
+        """Saves and stops if it was asked to; a sanity check has nothing to save yet."""
+        if not trainer.sanity_checking:
+            self._stop_if_asked(trainer)
+
+    def _stop_if_asked(self, trainer: L.Trainer) -> None:
+        number = self.requested
+        if trainer.world_size > 1:
+            asked = torch.tensor(number, device=trainer.strategy.root_device)
+            number = int(trainer.strategy.reduce(asked, reduce_op="max"))
+        if number:
+            trainer.save_checkpoint(self.checkpoint)
+            if not trainer.is_global_zero:
+                raise SystemExit(0)  # the first process tells; where Lightning launched them, another code kills it
+            raise TrainingInterrupted(f"stopped at step {trainer.global_step} and saved {self.checkpoint}", number)
+
+    def teardown(self, trainer: L.Trainer, pl_module: L.LightningModule, stage: str) -> None:
+        """Gives the signals back, and passes on one that came after the last validation."""
+        self._give_back()
         if self.requested:
-            self._save(trainer)
+            signal.raise_signal(self.requested)
 
-    def on_train_batch_start(
-        self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int
-    ) -> None:
-        """Stops if a validation came in between."""
-        if self._saved:
-            self._stop(trainer)
+    def on_exception(self, trainer: L.Trainer, pl_module: L.LightningModule, exception: BaseException) -> None:
+        """Gives the signals back, as there is no teardown after an exception; ends the processes that Lightning launched."""
+        self._give_back()
+        processes = getattr(trainer.strategy.launcher, "procs", [])
+        for process in processes:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(SECONDS_TO_END if isinstance(exception, TrainingInterrupted) else 0)
+            process.kill()  # it may wait for this one
+        processes.clear()  # Lightning's observer of them would kill this one
 
-    def _save(self, trainer: L.Trainer) -> None:
-        trainer.save_checkpoint(self.checkpoint)
-        self._saved = True
-
-    def _stop(self, trainer: L.Trainer) -> NoReturn:
-        raise TrainingInterrupted(f"stopped at step {trainer.global_step} and saved {self.checkpoint}")
-
-    def teardown(self, *_: Any, **__: Any) -> None:
-        """Gives the signals back."""
+    def _give_back(self) -> None:
         for number, handler in self._previous.items():
             signal.signal(number, handler)
         self._previous.clear()
 
-    on_exception = teardown  # there is no teardown after an exception
-
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
+        if self.requested and number == signal.SIGINT:
             raise KeyboardInterrupt
-        self.requested = True
-        print("\nstopping after this step (again: at once, without a checkpoint)", flush=True)
+        if not self.requested:
+            self.requested = number
+            with contextlib.suppress(OSError):  # not by print, which the signal may have interrupted
+                os.write(1, b"\nstopping after this step or validation (Ctrl-C: at once, without a checkpoint)\n")
 
 
 class LastValidation(L.Callback):

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import errno
 import logging
+import os
 import re
+import shutil
+import signal
 import sys
+import tempfile
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any, TypeVar, cast
 
 import hydra
@@ -21,21 +26,23 @@ from omegaconf.errors import InterpolationToMissingValueError, MissingMandatoryV
 
 from sips_lit.cli.arguments import as_typed
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
+from sips_lit.files import FULL, disk_of, unwritten
 
 PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
-INTERRUPTED = 130
+INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # as a shell has it
 # what a constructor raises for values that it can't take; by name, since not every command loads Lightning
 REFUSED = ("TypeError", "ValueError", "MisconfigurationException")
 Options = TypeVar("Options")
+ALMOST_FULL = 1 << 20  # bytes: what failed to be written may have been more than a block
 _LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
 
 
 def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     """Runs a command: composes ``conf/<config_name>.yaml`` with the command line and calls ``task`` with it.
 
-    Bad input ends in one sentence on standard error and exit code 1, Ctrl-C in exit code 130. A job of a multirun that
-    fails does not stop the others.
+    Bad input ends in one sentence on standard error and exit code 1, Ctrl-C in exit code 130, SIGTERM in 143. A job of a
+    multirun that fails does not stop the others.
     """
     register_resolvers()
     quiet_lightning()
@@ -82,12 +89,16 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     plain_warnings()
+    threading.excepthook = quiet_if_explained
     try:
-        yield
+        with signals_heard():
+            yield
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
     except SystemExit as stop:
+        if stop.code == TERMINATED:
+            print("terminated", file=sys.stderr)
         # what Lightning makes of a Ctrl-C during a fit
         sys.exit(INTERRUPTED if isinstance(stop.__context__, KeyboardInterrupt) else stop.code)
     except Exception as error:
@@ -96,10 +107,38 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
             raise
         print(f"error: {sentence}", file=sys.stderr)
         if isinstance(error, TrainingInterrupted):
-            sys.exit(INTERRUPTED)
+            sys.exit(128 + error.number)
         if config is not None and HydraConfig.get().mode == RunMode.MULTIRUN:
             raise JobFailed(f"a job failed: {sentence}") from None  # an exit would end the jobs that are to come
         sys.exit(1)
+
+
+def quiet_if_explained(arguments: threading.ExceptHookArgs) -> None:
+    """No traceback of a thread that writes to a full disk: TensorBoard's raises the error in the main thread, too."""
+    if not (isinstance(arguments.exc_value, OSError) and arguments.exc_value.errno in FULL):
+        threading.__excepthook__(arguments)
+
+
+@contextmanager
+def signals_heard() -> Iterator[None]:
+    """Makes SIGTERM an exit, which cleans up; gives the signals back as they were, whatever a training made of them."""
+    if threading.current_thread() is not threading.main_thread():  # only there can it be
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    if HydraConfig.initialized() and HydraConfig.get().job.name.startswith("train_ddp_process_"):
+        os.kill(os.getppid(), number)  # of several processes of a training: the one that launched this ends all
+    else:
+        sys.exit(128 + number)
 
 
 class JobFailed(CompactHydraException):
@@ -166,10 +205,21 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return (
                 "a loading worker was killed (for want of memory?): try datamodule.loading_workers=0, or smaller images"
             )
-        if isinstance(cause, OSError) and cause.errno == errno.ENOSPC:
-            return f"the disk is full: free some space, or write elsewhere ({cause.filename or 'hydra.run.dir=...'})"
+        if isinstance(cause, OSError) and cause.errno in FULL:
+            return full_disk(cause, config)
         cause = cause.__cause__ or (cause.__context__ if isinstance(cause, InstantiationException) else None)
     return None
+
+
+def full_disk(error: OSError, config: DictConfig | None) -> str:
+    """Which disk is full: that of the file, or, where the error names none, those without space that a run writes to."""
+    if isinstance(error.filename, str):
+        return unwritten(Path(error.filename), error)
+    written: Any = {} if config is None else config.get("paths", {})
+    paths = [str(path) for path in written.values() if path]
+    disks = {disk_of(Path(path)) for path in (*paths, tempfile.gettempdir())}
+    full = ", ".join(sorted(str(disk) for disk in disks if shutil.disk_usage(disk).free < ALMOST_FULL))
+    return f"the disk {full or 'of the outputs'} is full: free some space on it, or write elsewhere (hydra.run.dir=...)"
 
 
 def origin(key: str, config: DictConfig | None) -> str:

@@ -19,6 +19,7 @@ from sips_lit.cli.benchmark import benchmark
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
+from sips_lit.train.checkpoint_io import sound_checkpoint
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.module import SipsModule
 
@@ -34,6 +35,7 @@ def train(config: DictConfig) -> float:
     module: SipsModule = build(config.module)
     ckpt_path = resume_path(config.ckpt_path, config.paths.run, config.paths.outputs)
     if ckpt_path is not None:
+        ckpt_path = str(sound_checkpoint(Path(ckpt_path)))
         require_same_network(ckpt_path, module.network)
     trainer: L.Trainer = build(
         config.trainer, callbacks=make_callbacks(config), logger=build(config.logger), val_check_interval=interval

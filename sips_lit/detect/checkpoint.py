@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -44,8 +45,19 @@ def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
     return network.eval(), selector
 
 
+def is_sound(path: Path) -> bool:
+    """Whether a ``.ckpt`` file is whole, by its checksums: PyTorch does not look at them and loads damaged weights."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.testzip() is None
+    except Exception:  # damaged bytes make it raise almost anything
+        return False
+
+
 def _read_lightning(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Tensor]]:
     try:
+        if not is_sound(path):
+            raise ValueError("a checksum is wrong")
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
         weights = {k.removeprefix(PREFIX): v for k, v in checkpoint["state_dict"].items() if k.startswith(PREFIX)}
         return checkpoint["hyper_parameters"], weights

@@ -9,6 +9,7 @@ import numpy as np
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import make_folder
+from sips_lit.inference.writers import name_video
 from sips_lit.progress import progress
 from sips_lit.render.canvas import Picture, draw_point, probability_colours
 from sips_lit.render.points import RADIUS, draw_points
@@ -52,7 +53,7 @@ def write_score_video(
                 )
             video.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
         video.release()
-        unfinished.replace(path)
+        name_video(unfinished, path, count)
     finally:
         video.release()
         unfinished.unlink(missing_ok=True)

@@ -1,17 +1,19 @@
-"""Where detected points go: npz files, one table, and pictures. Every file is whole as soon as its frame is done."""
+"""Where detected points go: npz files, one table, and pictures. A file has its name when it is whole."""
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
+import os
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, NoReturn, Protocol
 
 import cv2
 import numpy as np
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import make_folder, write_whole
+from sips_lit.files import disk_of, make_folder, unwritten, write_whole
 from sips_lit.inference.streams import Frame
 from sips_lit.render.points import draw_points
 from sips_lit.types import Keypoints
@@ -69,10 +71,13 @@ class CsvWriter:
     def __init__(self, path: Path) -> None:
         make_folder(path.parent)
         self.path, self.rows = path, 0
+        self.unfinished = path.with_name(f".{path.name}.unfinished")
+        if path.is_dir():
+            raise BadInputError(f"cannot write {path}, which is a folder: choose another output folder")
         try:
-            self.file = path.open("w", newline="", encoding="utf-8")
+            self.file = self.unfinished.open("w", newline="", encoding="utf-8")
         except OSError as error:
-            raise BadInputError(f"cannot write {path} ({error.strerror}): choose another output folder") from error
+            raise BadInputError(unwritten(path, error)) from error
         self._append([["frame", "x", "y", "score", "scale"]])
 
     @property
@@ -87,8 +92,16 @@ class CsvWriter:
         self.rows += len(keypoints)
 
     def close(self) -> None:
-        """Closes the table."""
-        self.file.close()
+        """Finishes the table, of the frames so far; one that no longer fits on the disk is removed."""
+        if self.file.closed:
+            return
+        try:
+            self.file.flush()
+            os.fsync(self.file.fileno())
+            self.file.close()
+            self.unfinished.replace(self.path)
+        except OSError as error:
+            self._give_up(error)
 
     def _append(self, rows: list[list[str]]) -> None:
         text = io.StringIO()
@@ -97,7 +110,13 @@ class CsvWriter:
             self.file.write(text.getvalue())
             self.file.flush()
         except OSError as error:
-            raise BadInputError(f"cannot write {self.path} ({error.strerror}): free some space") from error
+            self._give_up(error)
+
+    def _give_up(self, error: OSError) -> NoReturn:
+        with contextlib.suppress(OSError):
+            self.file.close()
+        self.unfinished.unlink(missing_ok=True)
+        raise BadInputError(unwritten(self.path, error)) from error
 
 
 class PictureWriter(PointWriter):
@@ -155,6 +174,20 @@ class VideoWriter:
             return
         self.video.release()
         if self.frames:
-            self.unfinished.replace(self.path)
+            name_video(self.unfinished, self.path, self.frames)
         else:
             self.unfinished.unlink(missing_ok=True)
+
+
+def name_video(unfinished: Path, path: Path, frames: int) -> None:
+    """Gives a written video its name. Raises BadInputError when it is not whole: OpenCV says nothing of a full disk."""
+    video = cv2.VideoCapture(str(unfinished))
+    found = int(video.get(cv2.CAP_PROP_FRAME_COUNT)) if video.isOpened() else 0
+    video.release()
+    if found != frames:
+        unfinished.unlink(missing_ok=True)
+        raise BadInputError(
+            f"cannot write {path}: {found} of its {frames} frames fit on the disk {disk_of(path)}: free some space, or "
+            "write elsewhere"
+        )
+    unfinished.replace(path)

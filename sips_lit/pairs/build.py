@@ -6,8 +6,9 @@ import contextlib
 import hashlib
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -36,14 +37,39 @@ def build_indexes(
     indexes = {path: index for path, index in stored if index is not None}
     missing = [path for path in wholes if path not in indexes]
     total = sum(len(wholes[path]) for path in missing)
-    with progress(desc="overlap index", unit="frame", total=total) as bar:
-        pool = ThreadPoolExecutor(max(1, workers))
-        try:
-            measured = pool.map(lambda path: measure(wholes[path], folder, parameters, bar.update), missing)
-            indexes.update(zip(missing, measured, strict=True))
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    with (
+        progress(desc="overlap index", unit="frame", total=total) as bar,
+        measuring_threads(workers, bar.update) as (pool, on_frame),
+    ):
+        measured = pool.map(lambda path: measure(wholes[path], folder, parameters, on_frame), missing)
+        indexes.update(zip(missing, measured, strict=True))
     return [indexes[index_path(folder, whole)].part(start, stop) for whole, start, stop in ranges]
+
+
+@contextlib.contextmanager
+def measuring_threads(
+    workers: int, on_frame: Callable[[], object]
+) -> Iterator[tuple[ThreadPoolExecutor, Callable[[], None]]]:
+    """Threads that measure sequences, and what they call after each frame.
+
+    After an error they finish the sequences that they have begun; Ctrl-C and SIGTERM, which may not wait for a video of
+    an hour, end them at the next frame.
+    """
+    pool, stopped = ThreadPoolExecutor(max(1, workers)), threading.Event()
+
+    def step() -> None:
+        if stopped.is_set():
+            raise CancelledError
+        on_frame()
+
+    try:
+        yield pool, step
+    except BaseException as error:
+        if not isinstance(error, Exception):
+            stopped.set()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def stored_index(sequence: ImageSequence, folder: Path, parameters: OverlapParameters) -> OverlapIndex | None:

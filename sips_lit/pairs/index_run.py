@@ -8,8 +8,8 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Never
 
@@ -20,7 +20,7 @@ from tqdm import tqdm
 from sips_lit.errors import BadInputError
 from sips_lit.files import make_folder, write_whole
 from sips_lit.frames.recording import Recording
-from sips_lit.pairs.build import measure, stored_index
+from sips_lit.pairs.build import measure, measuring_threads, stored_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
 from sips_lit.progress import progress
 
@@ -77,19 +77,21 @@ def index_recordings(
     with (
         progress(desc="recordings", unit="recording", total=len(recordings)) as done,
         progress(desc="frames", unit="frame", total=0) as frames,
+        measuring_threads(workers, frames.update) as (pool, on_frame),
     ):
-        pool = ThreadPoolExecutor(max(1, workers))
-        try:
-            tasks = [pool.submit(_index, r, folder, parameters, overlap, frames) for r in recordings]
-            for task in as_completed(tasks):
-                done.update()
-                yield task.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+        tasks = [pool.submit(_index, r, folder, parameters, overlap, frames, on_frame) for r in recordings]
+        for task in as_completed(tasks):
+            done.update()
+            yield task.result()
 
 
 def _index(
-    recording: Recording, folder: Path, parameters: OverlapParameters, overlap: float, frames: tqdm[Never]
+    recording: Recording,
+    folder: Path,
+    parameters: OverlapParameters,
+    overlap: float,
+    frames: tqdm[Never],
+    on_frame: Callable[[], None],
 ) -> list[IndexedSequence]:
     rows: list[IndexedSequence] = []
     try:
@@ -101,7 +103,7 @@ def _index(
             index = stored_index(whole, folder, parameters)
             if index is None:
                 frames.total = (frames.total or 0) + len(whole)
-                index = measure(whole, folder, parameters, frames.update)
+                index = measure(whole, folder, parameters, on_frame)
             rows.append(_summary(recording.where, sequence.name, index.part(start, stop), overlap))
     except (BadInputError, OSError, cv2.error) as error:  # what a damaged file may raise
         rows.append(IndexedSequence(recording.where, "", problem=" ".join(str(error).split())))

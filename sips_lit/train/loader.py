@@ -14,7 +14,7 @@ from typing import Any
 
 import cv2
 import torch
-from torch import Tensor
+from torch import Tensor, distributed
 from torch.utils.data import DataLoader, Subset
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
@@ -121,15 +121,27 @@ class OneStepAhead:
         return LabelledPair(*images, *points, *labels, item.source, pair.name)
 
     def state_dict(self) -> dict[str, Any]:
-        """Plain numbers and tensors, as a checkpoint may hold."""
+        """Plain numbers and tensors, as a checkpoint may hold, of all processes: each has pairs of its own."""
         ahead = [_to_state(points) for points in self._ahead or ()]
-        return {"position": self.position, "ahead": ahead, "skipped": self.skipped.state_dict()}
+        own = {"ahead": ahead, "skipped": self.skipped.state_dict()}
+        return {"position": self.position, "processes": _of_all_processes(own)}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Continue where the state was taken."""
-        self.position = state["position"]
-        self.skipped.load_state_dict(state["skipped"])
-        self._ahead = (_from_state(state["ahead"][0]), _from_state(state["ahead"][1])) if state["ahead"] else None
+        """Continue where the state was taken; with another number of processes at the same place of the stream."""
+        states = state["processes"]
+        self.position = state["position"] * len(states) // self.indices.step
+        own = states[self.indices.start] if len(states) == self.indices.step else {**states[0], "ahead": []}
+        self.skipped.load_state_dict(own["skipped"])
+        self._ahead = (_from_state(own["ahead"][0]), _from_state(own["ahead"][1])) if own["ahead"] else None
+
+
+def _of_all_processes(own: dict[str, Any]) -> list[dict[str, Any]]:
+    """What every process of a distributed run has, in their order."""
+    if not (distributed.is_available() and distributed.is_initialized()):
+        return [own]
+    states: list[dict[str, Any]] = [{}] * distributed.get_world_size()
+    distributed.all_gather_object(states, own)
+    return states
 
 
 def _next(stream: Iterator[Any]) -> Any:
@@ -174,8 +186,18 @@ def _context(workers: int) -> str | None:
 
 
 def _quiet_worker(_: int) -> None:
-    """A loading worker leaves the threads to the network, and Ctrl-C to the parent."""
+    """A loading worker leaves the threads to the network, and signals that all processes get to the parent."""
     cv2.setNumThreads(0)  # forked OpenCV threads hang
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "sigwaitinfo"):  # Linux
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+        threading.Thread(target=_end_for_parent, args=(os.getppid(),), daemon=True).start()
     _step_back()
+
+
+def _end_for_parent(parent: int) -> None:
+    """Ends the process when its parent asks for it, and not when a scheduler asks the whole group."""
+    while signal.sigwaitinfo({signal.SIGTERM}).si_pid != parent:
+        pass
+    os._exit(0)

@@ -20,7 +20,9 @@ class Trainer(SimpleNamespace):
 
     def __init__(self, **options) -> None:
         defaults = {"global_step": 7, "accumulate_grad_batches": 1, "should_stop": False}
-        super().__init__(**{**defaults, "val_check_batch": 10, "saved": [], **options})
+        one = {"world_size": 1, "is_global_zero": True, "sanity_checking": False}
+        lightning = {"_signal_connector": SimpleNamespace(), "strategy": SimpleNamespace(launcher=None)}
+        super().__init__(**{**defaults, **one, **lightning, "val_check_batch": 10, "saved": [], **options})
 
     def save_checkpoint(self, path) -> None:
         self.saved.append(path)
@@ -81,20 +83,29 @@ def test_a_signal_finishes_the_step_then_saves_and_stops(stop, tmp_path, number)
     trainer = Trainer()
     batch_end(stop, trainer, 5)
     os.kill(os.getpid(), number)
-    with pytest.raises(TrainingInterrupted, match=r"stopped at step 7 and saved .*last\.ckpt"):
+    with pytest.raises(TrainingInterrupted, match=r"stopped at step 7 and saved .*last\.ckpt$") as caught:
         batch_end(stop, trainer, 6)
+    assert caught.value.number == number
     assert trainer.saved == [tmp_path / "last.ckpt"]
 
 
-def test_the_second_signal_stops_at_once(stop):
-    os.kill(os.getpid(), signal.SIGINT)
+@pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_after_a_signal_stops_at_once(stop, first):
+    os.kill(os.getpid(), first)
     with pytest.raises(KeyboardInterrupt):
         os.kill(os.getpid(), signal.SIGINT)
 
 
+def test_a_scheduler_that_tells_twice_gets_its_checkpoint(stop):
+    for _ in range(3):
+        os.kill(os.getpid(), signal.SIGTERM)
+    with pytest.raises(TrainingInterrupted):
+        batch_end(stop, Trainer(), 6)
+
+
 def test_a_step_of_several_pairs_is_finished(stop):
     trainer = Trainer(accumulate_grad_batches=3)
-    stop.requested = True
+    stop.requested = signal.SIGTERM
     batch_end(stop, trainer, 3)
     batch_end(stop, trainer, 4)
     assert trainer.saved == []
@@ -104,14 +115,52 @@ def test_a_step_of_several_pairs_is_finished(stop):
 
 def test_a_validation_that_is_due_comes_first(stop):
     trainer = Trainer()
-    stop.requested = True
+    stop.requested = signal.SIGTERM
     batch_end(stop, trainer, 9)
     assert trainer.saved == []
-    stop.on_validation_end(trainer, None)
-    assert len(trainer.saved) == 1
     with pytest.raises(TrainingInterrupted):
-        stop.on_train_batch_start(trainer, None, None, 10)
-    assert len(trainer.saved) == 1  # the stream of pairs has moved on by now: too late to save
+        stop.on_validation_end(trainer, None)
+    assert len(trainer.saved) == 1
+
+
+def test_a_sanity_check_has_nothing_to_save(stop):
+    trainer = Trainer(sanity_checking=True)
+    stop.requested = signal.SIGTERM
+    stop.on_validation_end(trainer, None)
+    assert trainer.saved == []
+
+
+@pytest.mark.parametrize(("here", "there", "number"), [(0, 15, 15), (2, 0, 2), (2, 15, 15), (0, 0, 0)])
+def test_of_several_processes_any_may_get_the_signal(stop, here, there, number):
+    def highest(asked: torch.Tensor, reduce_op: str) -> torch.Tensor:
+        assert reduce_op == "max"
+        return torch.maximum(asked, torch.tensor(there))
+
+    strategy = SimpleNamespace(launcher=None, root_device="cpu", reduce=highest)
+    first, second = (Trainer(world_size=2, strategy=strategy, is_global_zero=zero) for zero in (True, False))
+    stop.requested = here
+    if number == 0:
+        batch_end(stop, first, 6)
+        assert first.saved == []
+        return
+    with pytest.raises(TrainingInterrupted) as told:
+        batch_end(stop, first, 6)
+    assert told.value.number == number
+    with pytest.raises(SystemExit) as silent:
+        batch_end(stop, second, 6)
+    assert silent.value.code == 0
+    assert len(first.saved) == len(second.saved) == 1  # all take part in saving
+
+
+def test_an_error_ends_the_processes_that_wait_for_this_one(stop):
+    import subprocess
+    import sys
+
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    processes = [child]
+    stop.on_exception(Trainer(strategy=SimpleNamespace(launcher=SimpleNamespace(procs=processes))), None, OSError())
+    assert child.wait(10) == -signal.SIGKILL
+    assert processes == []  # nobody watches them any more
 
 
 def test_nobody_asked_to_stop(stop):
@@ -136,8 +185,17 @@ def test_the_signals_are_given_back(stop, how):
     assert signal.getsignal(signal.SIGINT) == handler
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_came_too_late_is_passed_on(stop, number):
+    passed = []
+    stop._previous[number] = lambda number, frame: passed.append(number)
+    os.kill(os.getpid(), number)
+    stop.teardown(Trainer(), None, "fit")
+    assert passed == [number]
+
+
 def test_a_new_fit_forgets_an_old_request(stop):
-    stop.requested = True
+    stop.requested = signal.SIGTERM
     stop.on_fit_start(Trainer(), None)
     trainer = Trainer()
     batch_end(stop, trainer, 0)

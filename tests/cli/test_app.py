@@ -1,4 +1,8 @@
 import errno
+import os
+import shutil
+import signal
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,7 +11,17 @@ from hydra.errors import InstantiationException
 from omegaconf import OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from sips_lit.cli.app import CONF_DIR, build, explain, fast_precision, origin, register_resolvers, run, typed
+from sips_lit.cli.app import (
+    CONF_DIR,
+    build,
+    explain,
+    fast_precision,
+    origin,
+    quiet_if_explained,
+    register_resolvers,
+    run,
+    typed,
+)
 from sips_lit.errors import BadInputError, TrainingInterrupted
 
 
@@ -32,9 +46,21 @@ def test_defects_of_the_program_are_not_explained_away():
     assert explain(RuntimeError("the DataLoader is odd")) is None
 
 
-def test_a_full_disk_names_the_file():
-    assert "the disk is full" in explain(OSError(errno.ENOSPC, "No space left on device", "/data/last.ckpt"))
-    assert "/data/last.ckpt" in explain(OSError(errno.ENOSPC, "No space left on device", "/data/last.ckpt"))
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+def test_a_full_disk_is_named(number):
+    sentence = explain(OSError(number, "No space left on device", "/data/last.ckpt"))
+    assert sentence.startswith("cannot write /data/last.ckpt: the disk / is full (No space left on device): free")
+
+
+def test_a_full_disk_is_found_where_the_error_names_no_file(tmp_path, full_disk):
+    def sentence(free: int) -> str:
+        (full_disk / "others").write_bytes(bytes(shutil.disk_usage(full_disk).free - free))
+        paths = {"run": str(full_disk / "run" / "not yet"), "outputs": str(tmp_path), "frames": None}
+        return explain(OSError(errno.ENOSPC, "No space left on device"), OmegaConf.create({"paths": paths}))
+
+    assert sentence(0) == f"the disk {full_disk} is full: free some space on it, or write elsewhere (hydra.run.dir=...)"
+    (full_disk / "others").unlink()
+    assert "the disk of the outputs is full" in sentence(1_500_000)
     assert "hydra.run.dir" in explain(OSError(errno.ENOSPC, "No space left on device"))
 
 
@@ -116,6 +142,7 @@ def test_bf16_only_where_it_is_fast(monkeypatch, flags, expected):
     [
         (BadInputError("no frames: give some"), 1, "error: no frames: give some"),
         (TrainingInterrupted("stopped and saved"), 130, "stopped and saved"),
+        (TrainingInterrupted("stopped and saved", signal.SIGTERM), 143, "stopped and saved"),
         (KeyboardInterrupt(), 130, "interrupted"),
     ],
 )
@@ -130,6 +157,56 @@ def test_how_a_command_ends(folders, monkeypatch, capsys, error, code, text):
     shown = capsys.readouterr().err
     assert text in shown
     assert "Traceback" not in shown
+
+
+def test_sigterm_ends_a_command_wherever_it_is(folders, monkeypatch, capsys):
+    cleaned_up = []
+    before = signal.getsignal(signal.SIGTERM)
+
+    def task(config):
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        finally:
+            cleaned_up.append(True)
+
+    monkeypatch.setattr("sys.argv", ["sips-index", "data=folder", "data.path=x", f"hydra.run.dir={folders}"])
+    with pytest.raises(SystemExit) as stop:
+        run("index", task)
+    assert stop.value.code == 143
+    assert capsys.readouterr().err == "terminated\n"
+    assert cleaned_up
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_the_next_job_hears_signals_though_a_training_kept_them(folders, monkeypatch):
+    """Lightning gives a handler back after an error that was that of the training."""
+    before = signal.getsignal(signal.SIGINT)
+
+    def task(config):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+    monkeypatch.setattr("sys.argv", ["sips-index", "data=folder", "data.path=x", f"hydra.run.dir={folders}"])
+    run("index", task)
+    assert signal.getsignal(signal.SIGINT) == before
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_a_process_of_a_training_hands_sigterm_to_the_one_that_launched_it(folders, monkeypatch):
+    sent = []
+    monkeypatch.setattr("os.kill", lambda pid, number: sent.append((pid, number)))
+    options = "data=folder", "data.path=x", f"hydra.run.dir={folders}", "hydra.job.name=train_ddp_process_1"
+    monkeypatch.setattr("sys.argv", ["sips-index", *options])
+    run("index", lambda config: signal.raise_signal(signal.SIGTERM))
+    assert sent == [(os.getppid(), signal.SIGTERM)]
+
+
+@pytest.mark.parametrize(("error", "told"), [(OSError(errno.ENOSPC, "full"), False), (OSError(5, "broken"), True)])
+def test_a_thread_on_a_full_disk_leaves_the_sentence_to_the_main_thread(monkeypatch, error, told):
+    shown = []
+    monkeypatch.setattr("threading.__excepthook__", shown.append)
+    quiet_if_explained(threading.ExceptHookArgs((type(error), error, None, None)))
+    assert bool(shown) is told
 
 
 def test_an_interrupted_fit_ends_as_interrupted(folders, monkeypatch):

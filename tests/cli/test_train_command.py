@@ -3,8 +3,10 @@
 import errno
 import os
 import re
+import shutil
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,6 +73,63 @@ def test_a_second_ctrl_c_stops_at_once(process, frames, folders):
     assert code == 130, out
     assert "Traceback" not in out
     assert not (folders / "run" / "checkpoints" / "last.ckpt").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", ["step", "validation"])
+def test_sigterm_to_the_whole_group_saves_and_exits_with_143(process, frames, folders, phase):
+    """As a scheduler sends it, twice, to the loading workers, too. (benchmarks/kills.py has all phases.)"""
+    run = folders / "outputs" / "run"
+    interval = 5000 if phase == "step" else 1  # nearly all of the time goes into validations
+    steps = "trainer.max_steps=5000", f"trainer.val_check_interval={interval}", "datamodule.loading_workers=2"
+    child = process("train", *given(frames, *steps, f"hydra.run.dir={run}", LINE_A_STEP, "datamodule.val_pairs=4"))
+    read_until(child, "step 4/5000,")
+    for _ in range(2):
+        os.killpg(child.pid, signal.SIGTERM)
+        time.sleep(0.05)
+    code, out = ended(child)
+    assert code == 143, out
+    assert "Traceback" not in out
+    step = re.search(r"error: stopped at step (\d+) and saved", out)
+    assert step is not None, out
+    assert torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == int(step[1]) >= 4
+
+
+def descendants(pid: int) -> list[int]:
+    children = [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    return [*children, *(pid for child in children for pid in descendants(child))]
+
+
+@pytest.mark.slow
+def test_sigterm_to_one_of_two_processes_stops_both_and_both_go_on(process, frames, folders):
+    """Whichever gets it; and what two processes end with is that of two that nobody stopped, bit for bit."""
+    two = "trainer.devices=2", "trainer.strategy=ddp", "trainer.max_steps=30", "trainer.val_check_interval=30"
+
+    def start(name: str, *more: str) -> Process:
+        return process("train", *given(frames, *two, f"hydra.run.dir={folders}/outputs/{name}", LINE_A_STEP, *more))
+
+    def last(name: str) -> dict:
+        return torch.load(folders / "outputs" / name / "checkpoints" / "last.ckpt", weights_only=True)
+
+    def stop(child: Process, first: bool, step: int) -> None:
+        read_until(child, f"step {step}/30,", seconds=120)
+        (second,) = (p for p in descendants(child.pid) if "train_ddp_process" in Path(f"/proc/{p}/cmdline").read_text())
+        os.kill(child.pid if first else second, signal.SIGTERM)
+        code, out = ended(child)
+        assert code == 143, out
+        assert "Traceback" not in out
+        assert out.count("stopped at step") == 1
+        assert step <= last("run")["global_step"] < 30
+
+    stop(start("run"), first=False, step=2)
+    stop(start("run", "ckpt_path=last"), first=True, step=10)
+    for name, more in (("run", ["ckpt_path=last"]), ("whole", [])):
+        code, out = ended(start(name, *more), 120)
+        assert code == 0, out
+    one, other = last("run"), last("whole")
+    assert one["global_step"] == other["global_step"] == 30
+    for weights, others in zip(one["state_dict"].values(), other["state_dict"].values(), strict=True):
+        assert torch.equal(weights, others)
 
 
 def test_a_run_tells_what_it_wrote(command, frames, folders):
@@ -202,7 +261,42 @@ def test_a_full_disk(command, frames, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(torch, "save", full)
-        assert "the disk is full" in command("train", *given(frames)).sentence
+        assert "cannot write /disk/last.ckpt: the disk / is full" in command("train", *given(frames)).sentence
+
+
+def test_outputs_on_a_disk_that_is_really_full(command, frames, full_disk):
+    run = full_disk / "run"
+    assert command("train", *given(frames, f"hydra.run.dir={run}")).code == 0
+    before = (run / "checkpoints" / "last.ckpt").read_bytes()
+    rest = shutil.disk_usage(full_disk).free
+    (full_disk / "others").write_bytes(bytes(rest - 24_000))  # enough for the log, not for a checkpoint
+    again = command("train", *given(frames, f"hydra.run.dir={run}", "trainer.max_steps=4", "ckpt_path=last"))
+    assert f"the disk {full_disk} is full" in again.sentence
+    assert (run / "checkpoints" / "last.ckpt").read_bytes() == before
+    (full_disk / "others").unlink()
+    again = command("train", *given(frames, f"hydra.run.dir={run}", "trainer.max_steps=4", "ckpt_path=last"))
+    assert again.code == 0, again.err
+    assert torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == 4
+
+
+@pytest.mark.parametrize("damage", ["half", "bit"])
+def test_a_damaged_last_checkpoint_falls_back_to_the_one_before(command, frames, folders, damage):
+    run = f"hydra.run.dir={folders}/outputs/run"
+    steps = "trainer.max_steps=4", "trainer.val_check_interval=2"
+    assert command("train", *given(frames, run, *steps)).code == 0
+    last = folders / "outputs" / "run" / "checkpoints" / "last.ckpt"
+    whole, content = torch.load(last, weights_only=True)["state_dict"], bytearray(last.read_bytes())
+    if damage == "bit":
+        content[content.find(next(iter(whole.values())).numpy().tobytes()) + 3] ^= 64
+    last.write_bytes(content[: len(content) // 2] if damage == "half" else content)
+    again = command("train", *given(frames, run, *steps, "ckpt_path=last"))
+    assert again.code == 0, again.err
+    warnings = [line for line in again.err.splitlines() if line.startswith("warning: ")]
+    assert len(warnings) == 1
+    assert f"{last} is damaged: going on from the checkpoint before it" in warnings[0]
+    stored = torch.load(last, weights_only=True)
+    assert stored["global_step"] == 4
+    assert all(torch.equal(stored["state_dict"][name], whole[name]) for name in whole)
 
 
 def test_a_folder_that_cannot_be_written(command, frames, tmp_path):

@@ -68,6 +68,17 @@ def test_damaged(tmp_path, suffix, damage):
     assert "damaged" in refused(path)
 
 
+def test_a_single_bit_of_the_weights(tmp_path):
+    """Which PyTorch loads without a word."""
+    path, network = tmp_path / "best.ckpt", tiny_network()
+    save_lightning(path, network, SELECTOR)
+    content = bytearray(path.read_bytes())
+    content[content.find(next(network.parameters()).detach().numpy().tobytes()) + 3] ^= 64
+    path.write_bytes(content)
+    torch.load(path, weights_only=True)
+    assert "damaged" in refused(path)
+
+
 def test_code_is_not_run(tmp_path, content):
     class Trap:
         def __reduce__(self) -> Any:

@@ -1,10 +1,20 @@
+import threading
+import time
+
 import numpy as np
 import pytest
 from textured_scenes import ArraySequence, film
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.views import FrameRange, frame_ranges
-from sips_lit.pairs.build import build_indexes, index_path, load_index, require_readable, unreadable_frames
+from sips_lit.pairs.build import (
+    build_indexes,
+    index_path,
+    load_index,
+    measuring_threads,
+    require_readable,
+    unreadable_frames,
+)
 from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
 
 PARAMETERS = OverlapParameters()
@@ -85,6 +95,50 @@ def test_an_interrupted_build_keeps_what_it_finished(tmp_path):
     again = film(5, name="good")
     build_indexes([again, later], tmp_path, PARAMETERS, workers=1)
     assert again.reads == 0
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
+def test_ctrl_c_does_not_wait_for_the_end_of_a_long_sequence(tmp_path, stop):
+    """As a signal does, the exception comes in the main thread, which waits for a thread that measures."""
+    began, frames = threading.Event(), []
+
+    def long_sequence(on_frame) -> None:
+        for index in range(20_000):
+            on_frame()
+            frames.append(index)
+            began.set()
+            time.sleep(1e-3)
+
+    def main() -> None:
+        with measuring_threads(1, lambda: None) as (pool, on_frame):
+            pool.submit(long_sequence, on_frame)
+            assert began.wait(10)
+            raise stop
+
+    with pytest.raises(stop):
+        main()
+    assert len(frames) < 20_000
+
+
+def test_an_error_of_one_sequence_lets_the_others_end(tmp_path):
+    began, frames = threading.Event(), []
+
+    def sequence(on_frame) -> None:
+        for index in range(20):
+            on_frame()
+            frames.append(index)
+            began.set()
+            time.sleep(1e-3)
+
+    def main() -> None:
+        with measuring_threads(1, lambda: None) as (pool, on_frame):
+            pool.submit(sequence, on_frame)
+            assert began.wait(10)
+            raise BadInputError("another sequence can't be read")
+
+    with pytest.raises(BadInputError):
+        main()
+    assert len(frames) == 20
 
 
 def test_sequences_of_one_name_keep_their_own_index(tmp_path):

@@ -1,3 +1,9 @@
+import multiprocessing
+import signal
+import subprocess
+import sys
+import time
+
 import pytest
 import torch
 from textured_scenes import flight
@@ -6,7 +12,7 @@ from train_stream import LENGTH, Learner, after_interruption, assert_same, loade
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.train.loader import LabelledPair, OneStepAhead
+from sips_lit.train.loader import LabelledPair, OneStepAhead, _quiet_worker
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +67,7 @@ def test_a_finished_stream_stays_finished():
     again = loader(Learner())
     again.load_state_dict(stream.state_dict())
     assert list(again) == []
-    assert stream.state_dict()["ahead"] == []
+    assert stream.state_dict()["processes"][0]["ahead"] == []
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
@@ -135,3 +141,62 @@ def test_a_worker_that_dies_while_it_is_read_from_is_a_lost_worker(error, monkey
     learner = Learner()
     with pytest.raises(RuntimeError, match=r"DataLoader worker .* exited unexpectedly"):
         run(loader(learner, 1), learner)
+
+
+def stored_after(stop: int, monkeypatch) -> dict:
+    """What a checkpoint of two processes holds: each asks for the points of the others, as by `torch.distributed`."""
+    own = []
+    for first in (0, 1):
+        learner = Learner()
+        stream = loader(learner, first=first, stride=2)
+        run(stream, learner, stop)
+        own += stream.state_dict()["processes"]
+    monkeypatch.setattr("sips_lit.train.loader._of_all_processes", lambda _: own)
+    return stream.state_dict()
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_each_of_two_processes_goes_on_with_its_own_points(monkeypatch, first):
+    learner = Learner()
+    whole = run(loader(learner, first=first, stride=2), learner)
+    learner = Learner()
+    run(loader(learner, first=first, stride=2), learner, 1)  # the learner as it was then
+    again = loader(learner, first=first, stride=2)
+    again.load_state_dict(stored_after(1, monkeypatch))
+    rest = run(again, learner)
+    assert len(rest) == len(whole) - 1 > 0
+    for pair, other in zip(rest, whole[1:], strict=True):
+        assert_same(pair, other)
+
+
+def test_another_number_of_processes_goes_on_at_the_same_place(monkeypatch):
+    names = [pair.name for pair in run(loader(Learner()), Learner())]
+    learner = Learner()
+    alone = loader(learner)
+    alone.load_state_dict(stored_after(1, monkeypatch))  # one pair each
+    rest = run(alone, learner)
+    assert [pair.name for pair in rest] == names[2:]
+    assert learner.events[:5] == [("select", 0)] * 4 + [("step", 0)]  # not the points that the two processes had
+
+
+def work(ready) -> None:
+    _quiet_worker(0)
+    ready.set()
+    time.sleep(30)
+
+
+@pytest.mark.skipif(not hasattr(signal, "sigwaitinfo"), reason="the sender of a signal is known on Linux only")
+def test_a_worker_ends_when_its_parent_asks_and_not_with_the_whole_group():
+    context = multiprocessing.get_context("fork")
+    ready = context.Event()
+    worker = context.Process(target=work, args=(ready,))
+    worker.start()
+    assert ready.wait(20)
+    for name in ("SIGTERM", "SIGINT"):
+        send = f"import os, signal; os.kill({worker.pid}, signal.{name})"
+        subprocess.run([sys.executable, "-c", send], check=True)
+    time.sleep(0.3)
+    assert worker.is_alive()
+    worker.terminate()
+    worker.join(10)
+    assert worker.exitcode == 0
