@@ -324,9 +324,26 @@ def test_a_sweep_is_taken_up(command, whole, stopped, frames, folders):
 
 
 COMPARE = (
-    "+evaluation@compare=default", "compare.detectors=[sips,grid]", "compare.pairs=2", "compare.repeats=1",
-    "compare.n_max=60", "compare.n_list=[20]", "compare.report=false",
-)  # fmt: skip
+    "+evaluation@compare=default",
+    "+compare.detectors=[sips,grid]",
+    "+compare.descriptor=${descriptor}",
+    "+compare.data=${data}",
+    "+compare.inliers=${inliers}",
+    "compare.pairs=2",
+    "compare.pictures=false",
+)
+
+
+@pytest.mark.parametrize("finished", [False, True])
+def test_a_run_with_a_comparison_is_taken_up(command, whole, stopped, frames, folders, finished):
+    """As the quickstart is, stopped in training or in the comparison after it: the best checkpoint is compared."""
+    last = whole[0] / "checkpoints" / "last.ckpt" if finished else stopped
+    own = f"ckpt_path={last}", f"hydra.run.dir={folders}/again"
+    result = command("train", *TINY, "data=folder", f"data.path={frames}", *STEPS, *COMPARE, *own)
+    assert result.code == 0, result.err
+    assert f"best validation AUC {whole[1]:.3f}" in result.out
+    assert_equal_weights(folders / "again", whole[0], "best")
+    assert (folders / "again" / "compare" / "report.html").is_file()
 
 
 def test_a_record_names_the_keys_that_a_user_sets(tmp_path, frames):
