@@ -15,8 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 from sips_lit.callbacks.continuation import RECORD
 from sips_lit.cli.app import origin
 from sips_lit.cli.arguments import holds_path
-from sips_lit.detect.checkpoint import load_checkpoint, read_checkpoint
-from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.checkpoint import read_checkpoint
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.datamodule import PairDataModule
 
@@ -61,7 +60,7 @@ def flat(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{name}", value
 
 
-def find_start(config: DictConfig, record: Mapping[str, Any], network: ScoreNetwork) -> Start | None:
+def find_start(config: DictConfig, record: Mapping[str, Any]) -> Start | None:
     """The checkpoint that ``ckpt_path`` asks for: none, a file, or with "last" the last one of this run.
 
     That is in the run folder, or else the newest below ``paths.outputs`` that has the identity of this run. In a multirun
@@ -76,15 +75,15 @@ def find_start(config: DictConfig, record: Mapping[str, Any], network: ScoreNetw
         if not path.is_file() and HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN:
             _require_begun(Path(HydraConfig.get().sweep.dir))
             return None
-        path = path if path.is_file() else _newest(Path(config.paths.outputs), record, network)
+        path = path if path.is_file() else _newest(Path(config.paths.outputs), record)
     elif not path.is_file():
         raise BadInputError(f"there is no checkpoint {path} to go on from")
     content = _read(path)
-    different = differences(path, content, record, network)
+    different = differences(content, record)
     if different:
         raise _of_another_run(f"{path} is", different)
     done, steps = content["global_step"], record["told"][STEPS]
-    planned = content[RECORD]["told"][STEPS] if RECORD in content else steps
+    planned = content[RECORD]["told"][STEPS]
     if done > steps or done == steps != planned:
         raise BadInputError(
             f"{path} has made {done} of {planned} steps, so {STEPS}={steps} leaves none to make: give a larger number"
@@ -92,16 +91,8 @@ def find_start(config: DictConfig, record: Mapping[str, Any], network: ScoreNetw
     return Start(path, done)
 
 
-def differences(path: Path, content: Mapping[str, Any], record: Mapping[str, Any], network: ScoreNetwork) -> list[str]:
-    """What the run of a checkpoint has that this one has not; empty if it is the same.
-
-    Of a checkpoint that doesn't tell only the network is compared, with a warning.
-    """
-    if RECORD not in content:
-        stored, _ = load_checkpoint(path)
-        warn_input(f"{path} does not tell on which data, with which seed and optimiser it was trained: not compared")
-        pairs = {f"model.{key}": (stored.config[key], value) for key, value in network.config.items()}
-        return [_told(key, *values) for key, values in pairs.items() if values[0] != values[1]]
+def differences(content: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
+    """What the run of a checkpoint has that this one has not; empty if it is the same."""
     old, new = content[RECORD]["identity"], record["identity"]
     keys = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     settings = [_told(key, old.get(key), new.get(key)) for key in keys if key != FRAMES]
@@ -122,10 +113,12 @@ def _read(path: Path) -> dict[str, Any]:
     content = read_checkpoint(path)
     if "optimizer_states" not in content:
         raise BadInputError(f"{path} has no state of the optimiser: ckpt_path must be a whole checkpoint of a run")
+    if RECORD not in content:
+        raise BadInputError(f"{path} does not tell of which run it is: it is of an earlier version, so begin anew")
     return content
 
 
-def _newest(outputs: Path, record: Mapping[str, Any], network: ScoreNetwork) -> Path:
+def _newest(outputs: Path, record: Mapping[str, Any]) -> Path:
     found = sorted(outputs.rglob("last.ckpt"), key=lambda path: path.stat().st_mtime, reverse=True)
     if not found:
         raise BadInputError(
@@ -134,7 +127,7 @@ def _newest(outputs: Path, record: Mapping[str, Any], network: ScoreNetwork) -> 
     others: list[tuple[Path, list[str]]] = []
     for path in found:
         try:
-            different = differences(path, _read(path), record, network)
+            different = differences(_read(path), record)
         except BadInputError as error:
             if len(found) == 1:
                 raise

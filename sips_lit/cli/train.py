@@ -36,7 +36,7 @@ def train(config: DictConfig) -> float:
     )
     record = record_of(config, data, trainer)
     trainer.callbacks.append(Continuation(record))
-    start = find_start(config, record, module.network)
+    start = find_start(config, record)
     if trainer.is_global_zero:
         print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
         if start is not None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import cv2
 import torch
-from torch import Tensor
+from torch import Tensor, distributed
 from torch.utils.data import DataLoader, Subset
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
@@ -73,7 +73,7 @@ class OneStepAhead:
         self.skipped = skipped or SkippedPairs()
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
         self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
-        self.indices = range(first, len(pairs), stride)  # of the pairs that this process takes
+        self.first, self.indices = first, range(first, len(pairs), stride)  # of the pairs that this process takes
         self.position = 0
         self._ahead: Points | None = None
 
@@ -113,15 +113,21 @@ class OneStepAhead:
         return LabelledPair(*images, *points, *labels, item.source, pair.name)
 
     def state_dict(self) -> dict[str, Any]:
-        """Plain numbers and tensors, as a checkpoint may hold."""
+        """Plain numbers and tensors, as a checkpoint may hold, of all processes: all of them must call this."""
         ahead = [_to_state(points) for points in self._ahead or ()]
-        return {"position": self.position, "ahead": ahead, "skipped": self.skipped.state_dict()}
+        states: list[Any] = [{"position": self.position, "ahead": ahead, "skipped": self.skipped.state_dict()}]
+        if distributed.is_available() and distributed.is_initialized():
+            (own,) = states
+            states = [None] * distributed.get_world_size()
+            distributed.all_gather_object(states, own)
+        return {"processes": states}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Continue where the state was taken."""
-        self.position = state["position"]
-        self.skipped.load_state_dict(state["skipped"])
-        self._ahead = (_from_state(state["ahead"][0]), _from_state(state["ahead"][1])) if state["ahead"] else None
+        """Continue where the state was taken, by as many processes."""
+        own = state["processes"][self.first]
+        self.position = own["position"]
+        self.skipped.load_state_dict(own["skipped"])
+        self._ahead = (_from_state(own["ahead"][0]), _from_state(own["ahead"][1])) if own["ahead"] else None
 
 
 def _next(stream: Iterator[Any]) -> Any:

@@ -276,22 +276,16 @@ def test_last_is_the_newest_of_this_run(whole, stopped, tmp_path, frames, capsys
     assert f"going on from {outputs}/mine/checkpoints/last.ckpt, step 5 of 8" in capsys.readouterr().out
 
 
-def test_a_checkpoint_that_tells_nothing_of_its_run(whole, tmp_path, frames):
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [("run", "does not tell of which run it is"), ("optimizer_states", "has no state of the optimiser")],
+)
+def test_a_checkpoint_that_lacks_what_going_on_needs(whole, tmp_path, frames, key, text):
     content = stored(whole[0], "last")
-    del content["run"]
-    torch.save(content, tmp_path / "old.ckpt")
-    with pytest.warns(InputWarning, match=r"old\.ckpt does not tell on which data"):
-        run_it(tmp_path / "again", frames, *STEPS, f"ckpt_path={tmp_path}/old.ckpt")
-    with pytest.raises(BadInputError, match=r"model\.width=4 \(here 6\)"), pytest.warns(InputWarning):
-        run_it(tmp_path / "again", frames, *STEPS, "model.width=6", f"ckpt_path={tmp_path}/old.ckpt")
-
-
-def test_weights_alone_are_not_gone_on_from(whole, tmp_path, frames):
-    content = stored(whole[0], "last")
-    del content["optimizer_states"]
-    torch.save(content, tmp_path / "weights.ckpt")
-    with pytest.raises(BadInputError, match=r"weights\.ckpt has no state of the optimiser"):
-        run_it(tmp_path / "again", frames, *STEPS, f"ckpt_path={tmp_path}/weights.ckpt")
+    del content[key]
+    torch.save(content, tmp_path / "part.ckpt")
+    with pytest.raises(BadInputError, match=rf"part\.ckpt {text}"):
+        run_it(tmp_path / "again", frames, *STEPS, f"ckpt_path={tmp_path}/part.ckpt")
 
 
 def sweep(frames: Path, folder: Path, *more: str) -> list[str]:
@@ -356,4 +350,36 @@ def test_a_record_names_the_keys_that_a_user_sets(tmp_path, frames):
     assert expected.items() <= record["identity"].items()
     assert record["identity"]["frames"] == "abc"
     assert not any(key.endswith(("_workers", "index_folder")) for key in record["identity"])
-    assert find_start(config, record, None) is None
+    assert find_start(config, record) is None
+
+
+CRASH = """
+import lightning as L
+class CrashAt(L.Callback):
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx):
+        if trainer.global_step == 3:
+            raise RuntimeError("power cut")
+"""
+
+
+@pytest.mark.slow
+def test_two_processes_go_on_as_if_not_interrupted(process, frames, folders):
+    """Each with the points that it had selected ahead."""
+    two = "trainer.devices=2", "trainer.strategy=ddp", *STEPS, "trainer.max_steps=5"
+
+    def trained(run: str, *more: str) -> tuple[int, str]:
+        folder = f"hydra.run.dir={folders}/outputs/{run}"
+        child = process("train", *TINY, "data=folder", f"data.path={frames}", *two, folder, *more)
+        return child.wait(timeout=120), child.log.read_text()
+
+    code, out = trained("whole")
+    assert code == 0, out
+    (folders / "crash.py").write_text(CRASH)  # in the working folder, which Python looks into
+    code, out = trained("run", "+callbacks.crash._target_=crash.CrashAt")
+    assert code != 0
+    assert "power cut" in out
+    assert stored(folders / "outputs" / "run", "last")["global_step"] == 2
+    code, out = trained("again", f"ckpt_path={folders}/outputs/run/checkpoints/last.ckpt")
+    assert code == 0, out
+    for name in ("last", "best"):
+        assert_equal_weights(folders / "outputs" / "again", folders / "outputs" / "whole", name)

@@ -61,7 +61,7 @@ def test_a_finished_stream_stays_finished():
     again = loader(Learner())
     again.load_state_dict(stream.state_dict())
     assert list(again) == []
-    assert stream.state_dict()["ahead"] == []
+    assert stream.state_dict()["processes"][0]["ahead"] == []
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
