@@ -35,7 +35,7 @@ def train(config: DictConfig) -> float:
         config.trainer, callbacks=make_callbacks(config), logger=build(config.logger), val_check_interval=interval
     )
     record = record_of(config, data, trainer)
-    trainer.callbacks.append(Continuation(record))
+    trainer.callbacks.append(Continuation(record))  # type: ignore[attr-defined]  # set by the trainer's connector
     start = find_start(config, record)
     if trainer.is_global_zero:
         print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
