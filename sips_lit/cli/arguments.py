@@ -50,7 +50,7 @@ def as_typed(arguments: Sequence[str]) -> list[str]:
 
 def _typed(argument: str, several: bool) -> str:
     match = _OVERRIDE.fullmatch(argument)
-    if match is None or not _holds_path(match[2]):
+    if match is None or not holds_path(match[2]):
         return argument
     value = match[3]
     if value.startswith("[") and value.endswith("]"):
@@ -60,7 +60,8 @@ def _typed(argument: str, several: bool) -> str:
     return f"{match[1]}{match[2]}={value}"
 
 
-def _holds_path(key: str) -> bool:
+def holds_path(key: str) -> bool:
+    """Whether the value of a key, with dots, is a path."""
     *groups, last = key.split(".")
     return last in PATH_KEYS or groups[-1:] == ["paths"]
 

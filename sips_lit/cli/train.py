@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,12 +13,11 @@ from lightning.pytorch.callbacks import ProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
+from sips_lit.callbacks.continuation import Continuation
 from sips_lit.cli.app import build, run
 from sips_lit.cli.benchmark import benchmark
-from sips_lit.detect.checkpoint import load_checkpoint
-from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.cli.resuming import find_start, flat, record_of
 from sips_lit.errors import BadInputError
-from sips_lit.train.checkpoint_io import sound_checkpoint
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.module import SipsModule
 
@@ -33,23 +31,29 @@ def train(config: DictConfig) -> float:
     interval = pairs_between_validations(config.trainer)
     data: PairDataModule = build(config.datamodule)
     module: SipsModule = build(config.module)
-    ckpt_path = resume_path(config.ckpt_path, config.paths.run, config.paths.outputs)
-    if ckpt_path is not None:
-        ckpt_path = str(sound_checkpoint(Path(ckpt_path)))
-        require_same_network(ckpt_path, module.network)
     trainer: L.Trainer = build(
         config.trainer, callbacks=make_callbacks(config), logger=build(config.logger), val_check_interval=interval
     )
+    record = record_of(config, data, trainer)
+    trainer.callbacks.append(Continuation(record))  # type: ignore[attr-defined]  # set by the trainer's connector
+    start = find_start(config, record)
     if trainer.is_global_zero:
         print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
+        if start is not None:
+            finished = ": the run is finished" if start.step == trainer.max_steps else ""
+            print(f"going on from {start.path}, step {start.step} of {trainer.max_steps}{finished}", flush=True)
     log_settings(trainer, config)
-    trainer.fit(module, data, ckpt_path=ckpt_path)
+    trainer.fit(module, data, ckpt_path=None if start is None else start.path)
     best, auc = _best(trainer)
     for logger in trainer.loggers:
         logger.log_metrics({RUN_METRIC: auc}, trainer.global_step)
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
         if config.compare is not None:
+            if best is None:
+                raise BadInputError(
+                    "the run has no best checkpoint to compare: set callbacks.checkpoint, or compare=null"
+                )
             compared = comparison(config, best)
             compared.paths.run = str(Path(config.paths.run) / "compare")
             benchmark(compared)
@@ -72,40 +76,11 @@ def comparison(config: DictConfig, checkpoint: Path) -> DictConfig:
 def log_settings(trainer: L.Trainer, config: DictConfig) -> None:
     """The settings of the run for TensorBoard's table of runs, with the metric that compares them."""
     parts = {key: OmegaConf.to_container(config[key], resolve=True) for key in ("model", "optim", "augment")}
-    settings = {name: value for name, value in _flat(parts) if not name.endswith(("_target_", "_partial_"))}
+    settings = {name: value for name, value in flat(parts) if not name.endswith(("_target_", "_partial_"))}
     settings |= {"seed": config.seed, "points": config.module.points, "overlap": config.datamodule.overlap}
     for logger in trainer.loggers:
         if isinstance(logger, TensorBoardLogger):
             logger.log_hyperparams(settings, {RUN_METRIC: float("nan")})
-
-
-def _flat(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in node.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
-
-
-def resume_path(ckpt_path: str | None, run_folder: str, outputs: str) -> str | None:
-    """Where to go on from: "last" is the last checkpoint of this run folder, else the newest of all runs.
-
-    Raises BadInputError when there is none.
-    """
-    if ckpt_path is None:
-        return None
-    if ckpt_path != "last":
-        if not Path(ckpt_path).is_file():
-            raise BadInputError(f"there is no checkpoint {ckpt_path} to go on from")
-        return ckpt_path
-    own = Path(run_folder) / "checkpoints" / "last.ckpt"
-    found = [own] if own.is_file() else sorted(Path(outputs).rglob("last.ckpt"), key=lambda p: p.stat().st_mtime)
-    if not found:
-        raise BadInputError(
-            f"ckpt_path=last, but there is no last.ckpt in {outputs}: train first, or name a checkpoint"
-        )
-    print(f"going on from {found[-1]}", flush=True)
-    return str(found[-1])
 
 
 def pairs_between_validations(trainer: DictConfig) -> int:
@@ -119,32 +94,21 @@ def pairs_between_validations(trainer: DictConfig) -> int:
     return int(min(trainer.val_check_interval, trainer.max_steps) * trainer.accumulate_grad_batches)
 
 
-def require_same_network(checkpoint: str, network: ScoreNetwork) -> None:
-    """Raises BadInputError when a checkpoint can't be read, or is not of a network like this."""
-    if Path(checkpoint).suffix == ".safetensors":
-        raise BadInputError(f"{checkpoint} holds weights only: ckpt_path must be the .ckpt file of a run")
-    stored, _ = load_checkpoint(checkpoint)
-    different = [key for key, value in network.config.items() if stored.config[key] != value]
-    if different:
-        settings = " ".join(f"model.{key}={stored.config[key]}" for key in different)
-        raise BadInputError(
-            f"{checkpoint} holds another network than this run's model: give {settings} to go on from it"
-        )
-
-
-def _best(trainer: L.Trainer) -> tuple[Path, float]:
+def _best(trainer: L.Trainer) -> tuple[Path | None, float]:
     checkpoint = trainer.checkpoint_callback
     score = getattr(checkpoint, "best_model_score", None)
     if checkpoint is None or score is None:
-        return Path(), float(trainer.callback_metrics.get("val/succinctness_auc", float("nan")))
+        return None, float(trainer.callback_metrics.get("val/succinctness_auc", float("nan")))
     return Path(getattr(checkpoint, "best_model_path", "")), float(score)
 
 
-def _report(trainer: L.Trainer, data: PairDataModule, best: Path, auc: float, folder: Path, outputs: Path) -> None:
+def _report(
+    trainer: L.Trainer, data: PairDataModule, best: Path | None, auc: float, folder: Path, outputs: Path
+) -> None:
     if data.skipped.count:
         print(f"warning: {data.skipped}", file=sys.stderr)
     print(f"\nbest validation AUC {auc:.3f} on {len(data.val_choices)} fixed pairs ({data.validation_digest()})")
-    print(f"checkpoint:  {best}\npictures:    {folder / 'pictures'}")
+    print(f"checkpoint:  {best or 'none'}\npictures:    {folder / 'pictures'}")
     print(f"TensorBoard: tensorboard --logdir {outputs}")
 
 

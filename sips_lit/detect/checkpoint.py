@@ -54,15 +54,22 @@ def is_sound(path: Path) -> bool:
         return False
 
 
-def _read_lightning(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Tensor]]:
+def read_checkpoint(path: str | Path) -> dict[str, Any]:
+    """All that a ``.ckpt`` file holds, on the CPU. Raises BadInputError when it can't be read."""
     try:
-        if not is_sound(path):
+        if not is_sound(Path(path)):
             raise ValueError("a checksum is wrong")
-        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
-        weights = {k.removeprefix(PREFIX): v for k, v in checkpoint["state_dict"].items() if k.startswith(PREFIX)}
-        return checkpoint["hyper_parameters"], weights
+        checkpoint: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        checkpoint["state_dict"], checkpoint["hyper_parameters"]
     except Exception as error:  # damaged bytes make the unpickler raise almost anything
         raise BadInputError(f"{path} can't be read as a checkpoint: it is damaged, or not one of sips-train") from error
+    return checkpoint
+
+
+def _read_lightning(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Tensor]]:
+    checkpoint = read_checkpoint(path)
+    weights = {k.removeprefix(PREFIX): v for k, v in checkpoint["state_dict"].items() if k.startswith(PREFIX)}
+    return checkpoint["hyper_parameters"], weights
 
 
 def _read_safetensors(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Tensor]]:

@@ -132,6 +132,14 @@ class PairDataModule(L.LightningDataModule):
         """Only the images of a labelled pair go to the device."""
         return batch.to(device) if isinstance(batch, LabelledPair) else batch
 
+    def data_digest(self) -> str:
+        """Changes when the frames or the weights of the sources change, of training or of validation."""
+        used = [
+            (source.name, source.weight, [(s.name, s.fingerprint, len(s)) for s in source.sequences])
+            for source in (*self.sources, *self.val_sources)
+        ]
+        return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
+
     def validation_digest(self) -> str:
         """Changes when the validation pairs change: curves of different runs compare only where it is the same."""
         names = [(self.val_sources[at].sequences[choice.sequence].name, choice) for at, choice in self.val_choices]

@@ -74,7 +74,7 @@ class OneStepAhead:
         self.skipped = skipped or SkippedPairs()
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
         self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
-        self.indices = range(first, len(pairs), stride)  # of the pairs that this process takes
+        self.first, self.indices = first, range(first, len(pairs), stride)  # of the pairs that this process takes
         self.position = 0
         self._ahead: Points | None = None
 

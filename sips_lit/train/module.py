@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -108,9 +109,28 @@ class SipsModule(L.LightningModule):
 
     def configure_optimizers(self) -> Any:
         """Optimiser and, if any, a schedule that ends with the last step of the run."""
-        optimizer = self.make_optimizer(self.network.parameters())
-        if self.make_scheduler is None:
+        optimizer, scheduler = self._optimization(self.network.parameters())
+        if scheduler is None:
             return optimizer
-        steps = int(self.trainer.estimated_stepping_batches)
-        scheduler = self.make_scheduler(optimizer, T_max=max(1, steps))
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Learning rate and schedule become those of this run at the step that was reached: its length may be another one.
+
+        Taken over from the checkpoint they would end where the run was to end that wrote it, and rise again after that.
+        """
+        optimizer, scheduler = self._optimization([torch.zeros(1, requires_grad=True)])
+        if scheduler is not None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the optimiser makes no step here
+                for _ in range(checkpoint["global_step"]):
+                    scheduler.step()
+        checkpoint["lr_schedulers"] = [] if scheduler is None else [scheduler.state_dict()]
+        for stored, own in zip(checkpoint["optimizer_states"][0]["param_groups"], optimizer.param_groups, strict=True):
+            stored.update({name: value for name, value in own.items() if name != "params"})
+
+    def _optimization(self, parameters: Iterable[Tensor]) -> tuple[Optimizer, LRScheduler | None]:
+        optimizer = self.make_optimizer(parameters)
+        if self.make_scheduler is None:
+            return optimizer, None
+        return optimizer, self.make_scheduler(optimizer, T_max=self.trainer.max_steps)

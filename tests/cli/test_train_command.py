@@ -241,8 +241,7 @@ def test_a_checkpoint_of_another_network_to_go_on_from(command, frames, folders)
     assert command("train", *given(frames, f"hydra.run.dir={folders}/outputs/a")).code == 0
     other = "model.width=6", f"ckpt_path={folders}/outputs/a/checkpoints/last.ckpt", f"hydra.run.dir={folders}/b"
     sentence = command("train", *given(frames, *other)).sentence
-    assert "last.ckpt holds another network" in sentence
-    assert "model.width=4" in sentence
+    assert "last.ckpt is of another run, with model.width=4 (here 6)" in sentence
 
 
 def test_exported_weights_to_go_on_from(command, frames, checkpoint):

@@ -186,3 +186,22 @@ def test_the_schedule_counts_optimiser_steps(tmp_path):
 def test_a_constant_rate_needs_no_schedule(tmp_path):
     trainer = fit(make_module(), make_data(tmp_path), steps=2)
     assert trainer.optimizers[0].param_groups[0]["lr"] == 1e-2
+
+
+@pytest.mark.parametrize(("step", "length"), [(0, 6), (3, 6), (4, 4)])
+def test_a_loaded_checkpoint_has_the_rate_and_schedule_of_this_run(step, length):
+    schedule = partial(torch.optim.lr_scheduler.CosineAnnealingLR, eta_min=1e-4)
+    module = make_module(scheduler=schedule)
+    module._trainer = SimpleNamespace(max_steps=length)
+    stored = {"lr": 0.5, "weight_decay": 0.1, "params": [0, 1]}
+    checkpoint = {
+        "global_step": step,
+        "optimizer_states": [{"param_groups": [stored]}],
+        "lr_schedulers": [{"T_max": 3}],
+    }
+    module.on_load_checkpoint(checkpoint)
+    expected = 1e-4 + (1e-2 - 1e-4) * (1 + np.cos(np.pi * step / length)) / 2
+    assert stored["lr"] == pytest.approx(expected)
+    assert (stored["weight_decay"], stored["params"]) == (0, [0, 1])
+    (state,) = checkpoint["lr_schedulers"]
+    assert (state["T_max"], state["last_epoch"]) == (length, step)

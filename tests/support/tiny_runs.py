@@ -1,0 +1,87 @@
+"""Tiny training runs in this process by the real configuration, and callbacks that end them early."""
+
+from pathlib import Path
+
+import cv2
+import lightning as L
+import torch
+from cli_runs import TINY
+from hydra import compose, initialize_config_dir
+from omegaconf import DictConfig, open_dict
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from sips_lit.callbacks.guard import GracefulStop
+from sips_lit.cli.app import CONF_DIR, register_resolvers
+from sips_lit.cli.train import train
+
+
+def config_of(run: Path, frames: Path, *overrides: str) -> DictConfig:
+    """The real configuration of a tiny run in a folder."""
+    register_resolvers()
+    given = ["data=folder", f"data.path={frames}", f"paths.run={run}", f"paths.indexes={run.parent}/indexes"]
+    with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
+        return compose("train", [*TINY, "trainer.enable_progress_bar=false", *given, *overrides])
+
+
+def run_it(run: Path, frames: Path, *overrides: str, **callbacks: dict) -> float:
+    config = config_of(run, frames, *overrides)
+    with open_dict(config):
+        config.callbacks.update(callbacks)
+    threads = cv2.getNumThreads()
+    try:
+        return train(config)
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def weights(run: Path, name: str = "last") -> dict[str, torch.Tensor]:
+    return torch.load(run / "checkpoints" / f"{name}.ckpt", weights_only=True)["state_dict"]
+
+
+def assert_equal_weights(a: Path, b: Path, name: str = "last") -> None:
+    one, other = weights(a, name), weights(b, name)
+    assert one.keys() == other.keys()
+    for name in one:
+        assert torch.equal(one[name], other[name]), name
+
+
+def scalars(run: Path) -> dict[str, list[tuple[int, float]]]:
+    events = EventAccumulator(str(run)).Reload()
+    return {tag: [(e.step, e.value) for e in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
+
+
+class StopAt(L.Callback):
+    """Asks for a graceful stop after a step, as Ctrl-C would."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> None:
+        if trainer.global_step == self.step - 1:
+            (stop,) = (c for c in trainer.callbacks if isinstance(c, GracefulStop))
+            stop.requested = True
+
+
+class CrashAt(L.Callback):
+    """Fails like a machine: nothing is saved."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx) -> None:
+        if trainer.global_step == self.step:
+            raise RuntimeError("power cut")
+
+
+def target(kind: type, **arguments) -> dict:
+    return {"_target_": f"{kind.__module__}.{kind.__name__}", **arguments}
+
+
+def one_cycle(optimizer, T_max):
+    """A schedule that moves the optimiser's momentum, too."""
+    return torch.optim.lr_scheduler.OneCycleLR(optimizer, max_lr=0.01, total_steps=T_max + 1)
+
+
+def polynomial(optimizer, T_max):
+    """A schedule whose length has another name."""
+    return torch.optim.lr_scheduler.PolynomialLR(optimizer, T_max, power=2)
