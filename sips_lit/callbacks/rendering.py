@@ -30,7 +30,7 @@ class MatchPictures(L.Callback):
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int, *_: Any
     ) -> None:
         """Draws the pair."""
-        if batch_idx >= self.count or not trainer.is_global_zero:
+        if outputs is None or batch_idx >= self.count or not trainer.is_global_zero:
             return
         assert isinstance(outputs, VerifiedPair)
         network = pl_module.network

@@ -11,7 +11,7 @@ from typing import Any
 import lightning as L
 import torch
 from lightning.pytorch.utilities import rank_zero_only
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, DistributedSampler
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources, split_tail
@@ -124,9 +124,24 @@ class PairDataModule(L.LightningDataModule):
         )
 
     def val_dataloader(self) -> DataLoader[Any]:
-        """Fixed pairs, packed."""
+        """Fixed pairs, packed; each process takes its share, and as many as any other: see `repeated`."""
         pairs = PackedPairs(FixedPairs(self.val_sources, self.val_choices, self.inliers))
-        return DataLoader(pairs, batch_size=None, num_workers=0)
+        ranks, rank = self._processes
+        sampler = DistributedSampler(pairs, ranks, rank, shuffle=False)
+        return DataLoader(pairs, batch_size=None, num_workers=0, sampler=sampler)
+
+    def repeated(self, batch_idx: int) -> bool:
+        """Whether validation batch ``batch_idx`` of this process is a pair that counted before, in one of the processes.
+
+        Where the number of pairs is no multiple of that of processes, the sampler begins again with the first pair.
+        """
+        ranks, rank = self._processes
+        return batch_idx * ranks + rank >= len(self.val_choices)
+
+    @property
+    def _processes(self) -> tuple[int, int]:
+        """How many processes train, and which of them this is."""
+        return (self.trainer.world_size, self.trainer.global_rank) if self.trainer else (1, 0)
 
     def transfer_batch_to_device(self, batch: Any, device: torch.device, dataloader_idx: int) -> Any:
         """Only the images of a labelled pair go to the device."""

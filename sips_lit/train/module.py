@@ -82,7 +82,9 @@ class SipsModule(L.LightningModule):
         self.log("inliers", rates["labels/inlier"], prog_bar=True, logger=False, batch_size=1)
 
     def validation_step(self, packed: Any, batch_idx: int) -> Any:
-        """A validation pair as a `VerifiedPair`: the validation callbacks measure it."""
+        """A validation pair as a `VerifiedPair`, for the validation callbacks to measure; None for one that counted before."""
+        if self.data.repeated(batch_idx):
+            return None
         item = unpack(packed)
         check = self.data.check_of(self.data.val_sources[item.source])
         return verify(item.pair, self._features(item.pair.image0), self._features(item.pair.image1), check)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 from cli_runs import TINY, Process, write_frames
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from textured_scenes import flight, texture
 
 
@@ -254,3 +255,23 @@ def test_two_processes_are_one_run(process, frames, folders):
     assert torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == 3
     assert out.count("run folder: ") == 1
     assert out.count("best validation AUC") == 1
+
+
+def validated(run) -> dict[str, float]:
+    """The numbers of the one validation of a run."""
+    events = EventAccumulator(str(run)).Reload()
+    return {tag: events.Scalars(tag)[-1].value for tag in events.Tags()["scalars"] if tag.startswith("val/")}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("processes", "pairs"), [(2, 5), (3, 2)])
+def test_every_pair_validates_once_whatever_the_number_of_processes(process, command, frames, folders, processes, pairs):
+    one, several = folders / "one", folders / "several"
+    same = "optim.optimizer.lr=0", "optim.scheduler=null", "trainer.max_steps=1", f"datamodule.val_pairs={pairs}", "k=3"
+    assert command("train", *given(frames, *same, f"hydra.run.dir={one}")).code == 0
+    ddp = f"trainer.devices={processes}", "trainer.strategy=ddp", f"hydra.run.dir={several}"
+    code, out = ended(process("train", *given(frames, *same, *ddp)), 90)
+    assert code == 0, out
+    assert {"val/succinctness_auc", "val/ece", "val/mce", "val/brier"} <= validated(one).keys()
+    assert 0 < validated(one)["val/succinctness_auc"] < 1
+    assert validated(several) == validated(one)
