@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
-from sips_lit.pairs.sampler import FixedPairs, SourcePair, SourceSampler, read_pair
+from sips_lit.pairs.sampler import FixedPairs, SourcePair, SourceSampler, pair_name, read_pair
 from sips_lit.train.augment import Augmentation
 from sips_lit.types import InlierCheck
 
@@ -38,6 +38,11 @@ class TrainingPairs:
 
     def __len__(self) -> int:
         return self.length
+
+    def name(self, index: int) -> str:
+        """What pair ``index`` is called, if it can be read."""
+        at, choice = self.sampler.draw(0, index)
+        return pair_name(self.sources[at].sequences[choice.sequence], choice.index0, choice.index1)
 
     def __getitem__(self, index: int) -> SourcePair:
         """Pair ``index``; raises BadInputError when `TRIES` pairs in a row can't be read."""
@@ -102,6 +107,10 @@ class PackedPairs(Dataset[dict[str, Any] | BadInputError]):
 
     def __len__(self) -> int:
         return len(self.pairs)
+
+    def name(self, index: int) -> str:
+        """What pair ``index`` is called, without reading it."""
+        return self.pairs.name(index)
 
     def __getitem__(self, index: int) -> dict[str, Any] | BadInputError:
         """Pair ``index``, for `unpack`."""

@@ -265,7 +265,9 @@ def validated(run) -> dict[str, float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("processes", "pairs"), [(2, 5), (3, 2)])
-def test_every_pair_validates_once_whatever_the_number_of_processes(process, command, frames, folders, processes, pairs):
+def test_every_pair_validates_once_whatever_the_number_of_processes(
+    process, command, frames, folders, processes, pairs
+):
     one, several = folders / "one", folders / "several"
     same = "optim.optimizer.lr=0", "optim.scheduler=null", "trainer.max_steps=1", f"datamodule.val_pairs={pairs}", "k=3"
     assert command("train", *given(frames, *same, f"hydra.run.dir={one}")).code == 0

@@ -1,10 +1,15 @@
+import os
+import signal
+import time
+
 import pytest
 import torch
+import torch.multiprocessing as mp
 from textured_scenes import flight
 from train_stream import LENGTH, Learner, after_interruption, assert_same, loader, pairs_of, run
 
 from sips_lit.describe.sift import RootSift
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.train.loader import LabelledPair, OneStepAhead
 
@@ -135,3 +140,71 @@ def test_a_worker_that_dies_while_it_is_read_from_is_a_lost_worker(error, monkey
     learner = Learner()
     with pytest.raises(RuntimeError, match=r"DataLoader worker .* exited unexpectedly"):
         run(loader(learner, 1), learner)
+
+
+def stop_workers() -> None:
+    """Loading workers stand still, as they do when a disk does not answer."""
+    for child in mp.active_children():
+        os.kill(child.pid, signal.SIGSTOP)
+
+
+@pytest.mark.parametrize("taken", [1, 3])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_workers_that_hang_are_replaced_and_no_pair_is_lost(workers, taken, expected):
+    learner = Learner()
+    stream = loader(learner, workers)
+    stream.loading_timeout = 1.0
+    pairs = []
+    with pytest.warns(InputWarning, match=r"no training pair came for 1 s \(the next is .*:\d+-\d+\): .* are replaced"):
+        for pair in stream:
+            pairs.append(pair)
+            learner.step()
+            if len(pairs) == taken:
+                time.sleep(0.3)  # what is loaded ahead waits in the workers: fetching it hangs, too
+                stop_workers()
+    assert len(pairs) == LENGTH
+    for pair, other in zip(pairs, expected, strict=True):
+        assert_same(pair, other)
+    assert mp.active_children() == []
+
+
+class Hanging:
+    """Pairs of which one never comes."""
+
+    def __init__(self, pairs, index: int) -> None:
+        self.pairs, self.index = pairs, index
+        self.name = pairs.name
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    def __getitem__(self, index: int):
+        if index == self.index:
+            signal.pause()
+        return self.pairs[index]
+
+
+def test_a_pair_that_never_comes_ends_the_run_with_its_name():
+    learner = Learner()
+    stream = loader(learner, 1)
+    stream.pairs, stream.loading_timeout = Hanging(stream.pairs, 4), 1.0
+    taken = []
+    with (
+        pytest.warns(InputWarning, match="replaced"),
+        pytest.raises(BadInputError, match=r"the next is .*\), from new loading workers, .*loading_timeout") as caught,
+    ):
+        for pair in stream:
+            taken.append(pair)
+            learner.step()
+    assert stream.pairs.name(4) in str(caught.value)
+    assert len(taken) == 3  # pair 3 was waiting for its label
+    assert mp.active_children() == []
+
+
+def test_nobody_waits_for_a_worker_that_stands_still_when_the_run_is_interrupted():
+    learner = Learner()
+    pairs = iter(loader(learner, 1))
+    next(pairs)
+    stop_workers()
+    pairs.close()
+    assert mp.active_children() == []
