@@ -119,7 +119,8 @@ class OneStepAhead:
                 try:
                     packed = stream.next(self.loading_timeout)
                 except WorkersHung:
-                    late = f"no training pair came for {self.loading_timeout:g} s (the next is {self.pairs.name(self.indices[at])})"
+                    name = self.pairs.name(self.indices[at])
+                    late = f"no training pair came for {self.loading_timeout:g} s (the next is {name})"
                     if hung_at == at:
                         raise BadInputError(
                             f"{late}, from new loading workers, either: see whether its files can be read, or raise "

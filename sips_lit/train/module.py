@@ -82,7 +82,7 @@ class SipsModule(L.LightningModule):
         self.log("inliers", rates["labels/inlier"], prog_bar=True, logger=False, batch_size=1)
 
     def validation_step(self, packed: Any, batch_idx: int) -> Any:
-        """A validation pair as a `VerifiedPair`, for the validation callbacks to measure; None for one that counted before."""
+        """A validation pair as a `VerifiedPair`, for the validation callbacks; None for one that counted before."""
         if self.data.repeated(batch_idx):
             return None
         item = unpack(packed)

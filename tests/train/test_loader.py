@@ -148,22 +148,27 @@ def stop_workers() -> None:
         os.kill(child.pid, signal.SIGSTOP)
 
 
-@pytest.mark.parametrize("taken", [1, 3])
+def take_all(stream: OneStepAhead, learner: Learner, taken: list[LabelledPair], hang_after: int = 0) -> None:
+    """Takes all pairs; the workers stand still after some of them."""
+    for pair in stream:
+        taken.append(pair)
+        learner.step()
+        if len(taken) == hang_after:
+            time.sleep(0.3)  # what is loaded ahead waits in the workers: fetching it hangs, too
+            stop_workers()
+
+
+@pytest.mark.parametrize("hang_after", [1, 3])
 @pytest.mark.parametrize("workers", [1, 2])
-def test_workers_that_hang_are_replaced_and_no_pair_is_lost(workers, taken, expected):
-    learner = Learner()
+def test_workers_that_hang_are_replaced_and_no_pair_is_lost(workers, hang_after, expected):
+    learner, taken = Learner(), []
     stream = loader(learner, workers)
     stream.loading_timeout = 1.0
-    pairs = []
-    with pytest.warns(InputWarning, match=r"no training pair came for 1 s \(the next is .*:\d+-\d+\): .* are replaced"):
-        for pair in stream:
-            pairs.append(pair)
-            learner.step()
-            if len(pairs) == taken:
-                time.sleep(0.3)  # what is loaded ahead waits in the workers: fetching it hangs, too
-                stop_workers()
-    assert len(pairs) == LENGTH
-    for pair, other in zip(pairs, expected, strict=True):
+    told = r"no training pair came for 1 s \(the next is .*:\d+-\d+\): .* are replaced"
+    with pytest.warns(InputWarning, match=told):
+        take_all(stream, learner, taken, hang_after)
+    assert len(taken) == LENGTH
+    for pair, other in zip(taken, expected, strict=True):
         assert_same(pair, other)
     assert mp.active_children() == []
 
@@ -184,18 +189,13 @@ class Hanging:
         return self.pairs[index]
 
 
+@pytest.mark.filterwarnings("ignore:no training pair came")
 def test_a_pair_that_never_comes_ends_the_run_with_its_name():
-    learner = Learner()
+    learner, taken = Learner(), []
     stream = loader(learner, 1)
     stream.pairs, stream.loading_timeout = Hanging(stream.pairs, 4), 1.0
-    taken = []
-    with (
-        pytest.warns(InputWarning, match="replaced"),
-        pytest.raises(BadInputError, match=r"the next is .*\), from new loading workers, .*loading_timeout") as caught,
-    ):
-        for pair in stream:
-            taken.append(pair)
-            learner.step()
+    with pytest.raises(BadInputError, match=r"the next is .*\), from new loading workers, .*loading_timeout") as caught:
+        take_all(stream, learner, taken)
     assert stream.pairs.name(4) in str(caught.value)
     assert len(taken) == 3  # pair 3 was waiting for its label
     assert mp.active_children() == []
