@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import signal
 import threading
 from dataclasses import asdict
@@ -14,6 +15,7 @@ import torch
 from torch import Tensor
 
 from sips_lit.errors import BadInputError, TrainingInterrupted
+from sips_lit.files import make_folder, write_whole
 from sips_lit.train.loader import LabelledPair
 
 
@@ -37,9 +39,10 @@ class NonFiniteGuard(L.Callback):
         """Raises BadInputError when the loss is not finite."""
         if torch.isfinite(loss):
             return
-        self.folder.mkdir(parents=True, exist_ok=True)
-        path = self.folder / "nonfinite_batch.pt"
-        torch.save(_plain(self.batch), path)
+        path, content = self.folder / "nonfinite_batch.pt", io.BytesIO()
+        torch.save(_plain(self.batch), content)
+        make_folder(self.folder)
+        write_whole(path, content.getvalue())
         raise BadInputError(
             f"the loss became {float(loss.detach())} at step {trainer.global_step}: the batch is saved as {path}; lower "
             "optim.optimizer.lr, or train with trainer.precision=32-true; checkpoints up to the last validation are intact"

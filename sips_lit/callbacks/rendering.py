@@ -11,6 +11,7 @@ import lightning as L
 from sips_lit.callbacks.tensorboard import writer_of
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import score_map
+from sips_lit.files import make_folder, write_whole
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.render.matches import draw_matches
 
@@ -19,7 +20,7 @@ class MatchPictures(L.Callback):
     """Draws the first ``count`` validation pairs with their ``n`` best points.
 
     Both images and score maps, circles as thick as the probability, lines for inliers. PNG files go to ``folder`` and show
-    the last validation; TensorBoard keeps all. ``folder`` may be None.
+    the last validation; TensorBoard keeps all. ``folder`` may be None. Raises BadInputError where it can't be written.
     """
 
     def __init__(self, count: int = 4, n: int = 50, folder: str | Path | None = None) -> None:
@@ -43,5 +44,6 @@ class MatchPictures(L.Callback):
         if writer is not None:
             writer.add_image(f"matches/{batch_idx}", picture, trainer.global_step, dataformats="HWC")
         if self.folder is not None:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            cv2.imwrite(str(self.folder / f"matches_{batch_idx}.png"), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+            make_folder(self.folder)
+            png = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()
+            write_whole(self.folder / f"matches_{batch_idx}.png", png)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import errno
 import logging
+import os
 import re
 import sys
+import threading
+import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,7 +20,12 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException, InstantiationException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import InterpolationToMissingValueError, MissingMandatoryValue, ValidationError
+from omegaconf.errors import (
+    InterpolationToMissingValueError,
+    MissingMandatoryValue,
+    OmegaConfBaseException,
+    ValidationError,
+)
 
 from sips_lit.cli.arguments import as_typed
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
@@ -39,6 +47,9 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     """
     warnings.filterwarnings("ignore", module="lightning")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
+    logging.raiseExceptions = (
+        False  # a disk that is full is told once, and not by the log with a traceback for each line
+    )
     register_resolvers()
     try:
         sys.argv[1:] = as_typed(sys.argv[1:])
@@ -52,7 +63,34 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
             return task(config)
 
     command.__module__, command.__qualname__ = __name__, config_name
-    hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+    with _errors_of_hydra():
+        hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+
+
+@contextmanager
+def _errors_of_hydra() -> Iterator[None]:
+    """What Hydra raises ends as it prints it, but a folder or log of the run that can't be written in one sentence."""
+    name = "HYDRA_FULL_ERROR"
+    asked = os.environ.get(name)
+    os.environ[name] = "1"  # else Hydra prints a traceback of its own
+    try:
+        yield
+    except Exception as error:
+        sentence = None if isinstance(error, CompactHydraException) else explain(error)
+        if asked:
+            raise
+        if sentence is not None:
+            print(f"error: {sentence}", file=sys.stderr)
+        elif isinstance(error, CompactHydraException):
+            told = [error, error.__cause__] if isinstance(error.__cause__, OmegaConfBaseException) else [error]
+            print(*told, sep="\n", file=sys.stderr)
+        else:
+            traceback.print_exc()
+        sys.exit(1)
+    finally:
+        os.environ.pop(name)
+        if asked is not None:
+            os.environ[name] = asked
 
 
 def plain_warnings() -> None:
@@ -76,6 +114,7 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     plain_warnings()
+    threading.excepthook = _only_defects
     try:
         yield
     except KeyboardInterrupt:
@@ -98,6 +137,12 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
 
 class JobFailed(CompactHydraException):
     """What a job of a multirun ends with; Hydra prints the message, without a traceback, after the last job."""
+
+
+def _only_defects(failed: threading.ExceptHookArgs) -> None:
+    """A thread that can't write (the log's) prints nothing: the error comes again where its result is asked for."""
+    if not isinstance(failed.exc_value, OSError):
+        threading.__excepthook__(failed)
 
 
 def build(node: DictConfig, **extra: Any) -> Any:
@@ -160,8 +205,11 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return (
                 "a loading worker was killed (for want of memory?): try datamodule.loading_workers=0, or smaller images"
             )
-        if isinstance(cause, OSError) and cause.errno == errno.ENOSPC:
+        if isinstance(cause, OSError) and cause.errno in (errno.ENOSPC, errno.EDQUOT):
             return f"the disk is full: free some space, or write elsewhere ({cause.filename or 'hydra.run.dir=...'})"
+        if isinstance(cause, OSError) and cause.errno is not None:
+            file = "" if cause.filename is None else f"{os.fsdecode(cause.filename)}: "
+            return f"{file}{cause.strerror}: see to its permissions and its disk, or choose another place"
         cause = cause.__cause__ or (cause.__context__ if isinstance(cause, InstantiationException) else None)
     return None
 

@@ -133,7 +133,7 @@ class PairDataModule(L.LightningDataModule):
         """Fixed pairs, packed; each process takes its share, and as many as any other: see `repeated`."""
         pairs = PackedPairs(FixedPairs(self.val_sources, self.val_choices, self.inliers))
         ranks, rank = self._processes
-        sampler = DistributedSampler(pairs, ranks, rank, shuffle=False)
+        sampler: DistributedSampler[Any] = DistributedSampler(pairs, ranks, rank, shuffle=False)
         return DataLoader(pairs, batch_size=None, num_workers=0, sampler=sampler)
 
     def repeated(self, batch_idx: int) -> bool:

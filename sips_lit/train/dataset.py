@@ -118,6 +118,10 @@ class PackedPairs(Dataset[dict[str, Any] | BadInputError]):
             return pack(self.pairs[index])
         except BadInputError as error:
             return error
+        except OSError as error:
+            return BadInputError(
+                f"{self.name(index)} can't be read: {error.filename or 'its files'}: {error.strerror or error}"
+            )
 
 
 def pack(item: SourcePair) -> dict[str, Any]:

@@ -1,4 +1,6 @@
 import errno
+import os
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,7 +9,17 @@ from hydra.errors import InstantiationException
 from omegaconf import OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
-from sips_lit.cli.app import CONF_DIR, build, explain, fast_precision, origin, register_resolvers, run, typed
+from sips_lit.cli.app import (
+    CONF_DIR,
+    build,
+    errors_explained,
+    explain,
+    fast_precision,
+    origin,
+    register_resolvers,
+    run,
+    typed,
+)
 from sips_lit.errors import BadInputError, TrainingInterrupted
 
 
@@ -28,7 +40,7 @@ def test_errors_of_the_user_become_their_message():
 
 def test_defects_of_the_program_are_not_explained_away():
     assert explain(ValueError("shape mismatch")) is None
-    assert explain(OSError(errno.EACCES, "permission denied")) is None
+    assert explain(OSError("not of the system")) is None
     assert explain(RuntimeError("the DataLoader is odd")) is None
 
 
@@ -36,6 +48,41 @@ def test_a_full_disk_names_the_file():
     assert "the disk is full" in explain(OSError(errno.ENOSPC, "No space left on device", "/data/last.ckpt"))
     assert "/data/last.ckpt" in explain(OSError(errno.ENOSPC, "No space left on device", "/data/last.ckpt"))
     assert "hydra.run.dir" in explain(OSError(errno.ENOSPC, "No space left on device"))
+
+
+@pytest.mark.parametrize(
+    "code", [errno.EACCES, errno.EROFS, errno.ENOTDIR, errno.EIO, errno.ENAMETOOLONG, errno.EMFILE, errno.ESTALE]
+)
+@pytest.mark.parametrize("name", ["/data/run", b"/data/run", None])
+def test_what_the_system_refuses_is_said_with_its_file(code, name):
+    error = OSError(code, os.strerror(code), name)
+    for raised in (error, wrapped(ValueError("you tried to log nan"), error)):
+        assert explain(raised).startswith(f"{'/data/run: ' if name else ''}{os.strerror(code)}: ")
+
+
+def test_a_run_folder_that_cannot_be_made(folders, monkeypatch, capsys):
+    (folders / "file").write_text("")
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "")
+    monkeypatch.delenv("HYDRA_FULL_ERROR")
+    monkeypatch.setattr("sys.gettrace", lambda: None)
+    monkeypatch.setattr("sys.argv", ["sips-index", "data=folder", "data.path=x", f"hydra.run.dir={folders}/file/run"])
+    with pytest.raises(SystemExit) as stop:
+        run("index", lambda config: None)
+    assert stop.value.code == 1
+    assert capsys.readouterr().err.startswith(f"error: {folders}/file/run: Not a directory: ")
+    assert "HYDRA_FULL_ERROR" not in os.environ
+
+
+@pytest.mark.parametrize(("error", "told"), [(OSError(errno.ENOSPC, "No space"), False), (ZeroDivisionError(), True)])
+def test_a_thread_that_cannot_write_prints_no_traceback(error, told, capsys):
+    def fail():
+        raise error
+
+    with errors_explained():
+        thread = threading.Thread(target=fail)
+        thread.start()
+        thread.join()
+    assert ("Traceback" in capsys.readouterr().err) == told
 
 
 @pytest.mark.parametrize(

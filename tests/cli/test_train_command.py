@@ -206,10 +206,35 @@ def test_a_full_disk(command, frames, monkeypatch):
         assert "the disk is full" in command("train", *given(frames)).sentence
 
 
-def test_a_folder_that_cannot_be_written(command, frames, tmp_path):
+def test_a_log_on_a_full_disk(command, frames, monkeypatch):
+    def full(*_args, **_options):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full)
+    assert "the disk is full" in command("train", *given(frames)).sentence
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "paths.indexes",
+        "paths.run",
+        "hydra.run.dir",
+        "logger.save_dir",
+        "callbacks.pictures.folder",
+        "callbacks.checkpoint.dirpath",
+        "callbacks.last_checkpoint.dirpath",
+    ],
+)
+def test_a_folder_that_cannot_be_written(command, frames, tmp_path, key):
     (tmp_path / "file").write_text("")
-    sentence = command("train", *given(frames, f"paths.indexes={tmp_path}/file")).sentence
-    assert str(tmp_path / "file") in sentence
+    assert f"{tmp_path}/file" in command("train", *given(frames, f"{key}={tmp_path}/file/below")).sentence
+
+
+def test_a_sweep_folder_that_cannot_be_written(command, frames, tmp_path):
+    (tmp_path / "file").write_text("")
+    sweep = f"hydra.sweep.dir={tmp_path}/file/below", "seed=1,2"
+    assert f"{tmp_path}/file" in command("train", "-m", *given(frames, *sweep)).sentence
 
 
 def test_a_sweep_runs_its_jobs_in_folders_of_their_own(command, frames, folders):
