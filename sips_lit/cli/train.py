@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
 from functools import partial
@@ -13,6 +14,7 @@ import lightning as L
 from lightning.pytorch.callbacks import ProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
+from torch.utils.tensorboard.summary import hparams
 
 from sips_lit.cli.app import build, run
 from sips_lit.cli.benchmark import benchmark
@@ -43,7 +45,7 @@ def train(config: DictConfig) -> float:
     log_settings(trainer, config)
     trainer.fit(module, data, ckpt_path=ckpt_path)
     best, auc = _best(trainer)
-    for logger in trainer.loggers:
+    for logger in trainer.loggers if math.isfinite(auc) else ():
         logger.log_metrics({RUN_METRIC: auc}, trainer.global_step)
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
@@ -72,9 +74,13 @@ def log_settings(trainer: L.Trainer, config: DictConfig) -> None:
     parts = {key: OmegaConf.to_container(config[key], resolve=True) for key in ("model", "optim", "augment")}
     settings = {name: value for name, value in _flat(parts) if not name.endswith(("_target_", "_partial_"))}
     settings |= {"seed": config.seed, "points": config.module.points, "overlap": config.datamodule.overlap}
+    settings = {name: value if isinstance(value, int | float | str) else str(value) for name, value in settings.items()}
     for logger in trainer.loggers:
-        if isinstance(logger, TensorBoardLogger):
-            logger.log_hyperparams(settings, {RUN_METRIC: float("nan")})
+        if isinstance(logger, TensorBoardLogger) and trainer.is_global_zero:
+            logger.log_hyperparams(settings)
+            # the table's row as the logger makes it, but without a value of the metric: there is none before a validation
+            for summary in hparams(settings, {RUN_METRIC: None}):
+                logger.experiment.file_writer.add_summary(summary)
 
 
 def _flat(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
