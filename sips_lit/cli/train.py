@@ -7,20 +7,25 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
 import lightning as L
 from lightning.pytorch.callbacks import ProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.utilities.seed import isolate_rng
 from omegaconf import DictConfig, OmegaConf
 from torch.utils.tensorboard.summary import hparams
 
-from sips_lit.cli.app import build, run
+from sips_lit.cli.app import build, explain, run
 from sips_lit.cli.benchmark import benchmark
+from sips_lit.cli.evaluation import make_pair_sets
+from sips_lit.cli.methods import make_methods
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
+from sips_lit.export.safetensors import export_safetensors
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.module import SipsModule
 
@@ -40,6 +45,8 @@ def train(config: DictConfig) -> float:
     trainer: L.Trainer = build(
         config.trainer, callbacks=make_callbacks(config), logger=build(config.logger), val_check_interval=interval
     )
+    if config.compare is not None and trainer.is_global_zero:
+        check_comparison(config, module)
     if trainer.is_global_zero:
         print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
     log_settings(trainer, config)
@@ -50,15 +57,13 @@ def train(config: DictConfig) -> float:
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
         if config.compare is not None:
-            compared = comparison(config, best)
-            compared.paths.run = str(Path(config.paths.run) / "compare")
-            benchmark(compared)
+            benchmark(comparison(config, best))
     return auc
 
 
 def make_callbacks(config: DictConfig) -> list[L.Callback]:
     """The callbacks; no progress with ``trainer.enable_progress_bar=false``, where Lightning refuses one."""
-    callbacks = build(config.callbacks).values()
+    callbacks = [callback for callback in build(config.callbacks).values() if callback is not None]
     silent = config.trainer.enable_progress_bar is False
     return [callback for callback in callbacks if not (silent and isinstance(callback, ProgressBar))]
 
@@ -66,7 +71,31 @@ def make_callbacks(config: DictConfig) -> list[L.Callback]:
 def comparison(config: DictConfig, checkpoint: Path) -> DictConfig:
     """``compare``, which has the keys of sips-benchmark, as a configuration of its own, of this checkpoint."""
     keys: Any = OmegaConf.to_container(config.compare, resolve=True)
-    return OmegaConf.create({**keys, "checkpoint": str(checkpoint), "paths": config.paths})
+    paths = {**config.paths, "run": str(Path(config.paths.run) / "compare")}
+    return OmegaConf.create({**keys, "checkpoint": str(checkpoint), "paths": paths})
+
+
+def check_comparison(config: DictConfig, module: SipsModule) -> None:
+    """Prepares the comparison that follows a run, with the network as it is: its mistakes end the run before it trains.
+
+    Raises BadInputError for whatever the comparison can't use, and for a detector of its list that can't be made.
+    """
+    if config.callbacks.checkpoint is None:
+        raise BadInputError("compare needs the best checkpoint of the run: leave callbacks.checkpoint as it is")
+    with TemporaryDirectory() as folder, isolate_rng():
+        checkpoint = Path(folder) / "untrained.safetensors"
+        export_safetensors(module.network, module.selector, checkpoint)
+        compared, skipped = comparison(config, checkpoint), dict[str, str]()
+        try:
+            make_methods(compared, skipped.__setitem__)
+            if skipped and compared.detectors != "all":
+                raise BadInputError("; ".join(f"{key} can't be compared: {why}" for key, why in skipped.items()))
+            make_pair_sets(compared, Path(compared.paths.run))
+        except Exception as error:
+            sentence = explain(error, compared)
+            if sentence is None:
+                raise
+            raise BadInputError(f"compare: {sentence}") from error
 
 
 def log_settings(trainer: L.Trainer, config: DictConfig) -> None:

@@ -197,6 +197,55 @@ def test_validation_is_counted_in_steps(command, frames, interval):
     assert "trainer.val_check_interval" in result.sentence
 
 
+COMPARE = (
+    "+evaluation@compare=default",
+    "+compare.detectors=[sips,orb]",
+    "+compare.descriptor=${descriptor}",
+    "+compare.inliers=${inliers}",
+    "compare.pairs=3",
+    "compare.n=20",
+    "compare.n_max=40",
+    "compare.repeats=1",
+    "compare.pictures=false",
+)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ("compare.k=null", "compare: k is None: give a whole number"),
+        ("compare.pairs=null", "compare: pairs has a value of the wrong type"),
+        ("compare.features=null", "compare: features has a value of the wrong type"),
+        ("compare.inliers=null", "compare: inliers is not set"),
+        ("compare.detectors=null", "compare: detectors is None"),
+        ("compare.detectors=[sips,siff]", "there is no detector siff: choose from"),
+        ("compare.detectors=[{sips: {radius: 3}}]", "compare: detectors sets radius of sips"),
+        ("compare.descriptor=null", "compare: sips can't be compared: "),
+        ("compare.pairs_file=/gone/pairs.csv", "compare: the pair list /gone/pairs.csv can't be read"),
+        ("compare.data.path=/gone/frames", "compare: there is no folder /gone/frames"),
+        ("+compare.pair_sets.city.data=null", "compare: pair_sets.city: data is not set"),
+        ("callbacks.checkpoint=null", "compare needs the best checkpoint of the run"),
+    ],
+)
+def test_mistakes_in_the_comparison_are_found_before_training(command, frames, wrong, text, monkeypatch):
+    monkeypatch.setattr("lightning.Trainer.fit", lambda *_, **__: pytest.fail("it trains"))
+    data = f"+compare.data={{_target_: sips_lit.frames.folder.folder, path: {frames}}}"
+    assert text in command("train", *given(frames, *COMPARE, data, wrong)).sentence
+
+
+def test_a_comparison_that_was_checked_changes_nothing_of_the_training(command, frames, folders):
+    data = f"+compare.data={{_target_: sips_lit.frames.folder.folder, path: {frames}}}"
+    assert command("train", *given(frames, f"hydra.run.dir={folders}/plain")).code == 0
+    result = command("train", *given(frames, *COMPARE, data, f"hydra.run.dir={folders}/compared"))
+    assert result.code == 0, result.err
+    assert (folders / "compared" / "compare" / "results.json").is_file()
+    plain, compared = (
+        torch.load(folders / run / "checkpoints" / "last.ckpt", weights_only=True)["state_dict"]
+        for run in ("plain", "compared")
+    )
+    assert all(torch.equal(plain[name], compared[name]) for name in plain)
+
+
 def test_a_full_disk(command, frames, monkeypatch):
     def full(*_args, **_options):
         raise OSError(errno.ENOSPC, "No space left on device", "/disk/last.ckpt")
