@@ -12,19 +12,22 @@ from typing import Any
 
 import cv2
 import lightning as L
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from lightning.pytorch.callbacks import ProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities.seed import isolate_rng
 from omegaconf import DictConfig, OmegaConf
 from torch.utils.tensorboard.summary import hparams
 
+from sips_lit.callbacks.prospects import Prospects
 from sips_lit.cli.app import build, explain, run
 from sips_lit.cli.benchmark import benchmark
 from sips_lit.cli.evaluation import make_pair_sets
 from sips_lit.cli.methods import make_methods
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.export.safetensors import export_safetensors
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.module import SipsModule
@@ -37,13 +40,18 @@ def train(config: DictConfig) -> float:
     cv2.setNumThreads(1)  # the labelling threads share the cores with the network
     L.seed_everything(config.seed, workers=True, verbose=False)
     interval = pairs_between_validations(config.trainer)
+    if config.module.points < config.k:
+        raise BadInputError(
+            f"module.points is {config.module.points}, and k = {config.k} inliers are needed: select more"
+        )
     data: PairDataModule = build(config.datamodule)
     module: SipsModule = build(config.module)
     ckpt_path = resume_path(config.ckpt_path, config.paths.run, config.paths.outputs)
     if ckpt_path is not None:
         require_same_network(ckpt_path, module.network)
+    callbacks = make_callbacks(config)
     trainer: L.Trainer = build(
-        config.trainer, callbacks=make_callbacks(config), logger=build(config.logger), val_check_interval=interval
+        config.trainer, callbacks=callbacks, logger=build(config.logger), val_check_interval=interval
     )
     if config.compare is not None and trainer.is_global_zero:
         check_comparison(config, module)
@@ -54,11 +62,23 @@ def train(config: DictConfig) -> float:
     best, auc = _best(trainer)
     for logger in trainer.loggers if math.isfinite(auc) else ():
         logger.log_metrics({RUN_METRIC: auc}, trainer.global_step)
+    if auc == 0:
+        reasons = [callback.failure for callback in callbacks if isinstance(callback, Prospects) and callback.failure]
+        why = reasons[0] if reasons else "no validation pair succeeded"
+        told = f"the training did not work, its best validation AUC is 0: {why}"
+        if not _in_multirun():
+            raise BadInputError(told)
+        warn_input(told)  # a search goes on with it as the lowest score
+        return auc
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
         if config.compare is not None:
             benchmark(comparison(config, best))
     return auc
+
+
+def _in_multirun() -> bool:
+    return HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN
 
 
 def make_callbacks(config: DictConfig) -> list[L.Callback]:
@@ -108,7 +128,7 @@ def log_settings(trainer: L.Trainer, config: DictConfig) -> None:
         if isinstance(logger, TensorBoardLogger) and trainer.is_global_zero:
             logger.log_hyperparams(settings)
             # the table's row as the logger makes it, but without a value of the metric: there is none before a validation
-            for summary in hparams(settings, {RUN_METRIC: None}):
+            for summary in hparams(settings, {RUN_METRIC: None}):  # type: ignore[no-untyped-call]
                 logger.experiment.file_writer.add_summary(summary)
 
 

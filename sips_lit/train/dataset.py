@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,9 +9,8 @@ from typing import Any
 import numpy as np
 import torch
 from torch.utils.data import Dataset
-from tqdm import tqdm
 
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.source import Source
 from sips_lit.pairs.sampler import FixedPairs, SourcePair, SourceSampler, pair_name, read_pair
 from sips_lit.train.augment import Augmentation
@@ -76,7 +74,7 @@ class SkippedPairs:
         """
         if reasons and not self.count:
             self.first = reasons[0]
-            tqdm.write(f"warning: a training pair is left out, and others may be: {self.first}", file=sys.stderr)
+            warn_input(f"a training pair is left out, and others may be: {self.first}")
         self.count += len(reasons)
         if self.count >= TRUSTED and self.count > pairs:
             raise BadInputError(

@@ -197,6 +197,46 @@ def test_validation_is_counted_in_steps(command, frames, interval):
     assert "trainer.val_check_interval" in result.sentence
 
 
+NO_INLIER = "inliers.threshold=1e-9"
+
+
+@pytest.mark.parametrize(
+    ("without", "why"),
+    [
+        ((NO_INLIER,), r"no validation pair has an inlier \(of the points .*too far"),
+        (("module.selector.nms_radius=100",), r"no validation pair have more than \d points, and k = 10"),
+        (("k=39", "module.points=39"), r"no validation pair has k = 39 inliers .* the best has \d+: train longer"),
+    ],
+)
+def test_a_training_that_did_not_work_is_an_error_with_its_reason(command, frames, folders, without, why):
+    result = command("train", *given(frames, *without, f"hydra.run.dir={folders}/run"))
+    told = r"the training did not work, its best validation AUC is 0: .*"
+    assert re.fullmatch(told + why + ".*", result.sentence)
+    assert re.search(f"warning: step 2: .*{why}", result.err)
+    assert "best validation AUC 0.000" not in result.out
+    assert (folders / "run" / "checkpoints" / "last.ckpt").is_file()
+
+
+def test_a_training_without_any_inlier_ends_at_its_first_validation(command, frames, folders):
+    steps = "trainer.max_steps=50", "trainer.val_check_interval=4", "callbacks.prospects.stretch=3"
+    result = command("train", *given(frames, NO_INLIER, *steps, f"hydra.run.dir={folders}/run"))
+    assert result.sentence.startswith(
+        "there is nothing to learn: 4 training pairs had no inlier, and no validation pair"
+    )
+    assert "warning: 3 training pairs in a row had no inlier" in result.err
+
+
+def test_a_search_goes_on_with_a_score_of_zero(command, frames, folders):
+    result = command("train", "-m", *given(frames, "inliers.threshold=1e-9,3", f"hydra.sweep.dir={folders}/sweep"))
+    assert result.code == 0, result.err
+    assert result.err.count("warning: the training did not work") == 1
+    assert result.out.count("best validation AUC") == 1
+
+
+def test_fewer_points_than_inliers_are_refused_before_training(command, frames):
+    assert "module.points is 9, and k = 10" in command("train", *given(frames, "module.points=9")).sentence
+
+
 COMPARE = (
     "+evaluation@compare=default",
     "+compare.detectors=[sips,orb]",
