@@ -40,16 +40,16 @@ def train(config: DictConfig) -> float:
     cv2.setNumThreads(1)  # the labelling threads share the cores with the network
     L.seed_everything(config.seed, workers=True, verbose=False)
     interval = pairs_between_validations(config.trainer)
-    if config.module.points < config.k:
-        raise BadInputError(
-            f"module.points is {config.module.points}, and k = {config.k} inliers are needed: select more"
-        )
     data: PairDataModule = build(config.datamodule)
     module: SipsModule = build(config.module)
     ckpt_path = resume_path(config.ckpt_path, config.paths.run, config.paths.outputs)
     if ckpt_path is not None:
         require_same_network(ckpt_path, module.network)
     callbacks = make_callbacks(config)
+    if config.module.points < config.k:
+        raise BadInputError(
+            f"module.points is {config.module.points}, and k = {config.k} inliers are needed: select more"
+        )
     trainer: L.Trainer = build(
         config.trainer, callbacks=callbacks, logger=build(config.logger), val_check_interval=interval
     )
