@@ -31,6 +31,8 @@ class CalibrationValidation(L.Callback):
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, *_: Any, **__: Any
     ) -> None:
         """Adds the points of both images of a pair."""
+        if outputs is None:
+            return
         assert isinstance(outputs, VerifiedPair)
         scores, inlier = outputs.outcomes(max(len(outputs.features0), len(outputs.features1)))
         self.metric.update(torch.from_numpy(scores), torch.from_numpy(inlier))

@@ -20,7 +20,7 @@ class MatchPictures(L.Callback):
     """Draws the first ``count`` validation pairs with their ``n`` best points.
 
     Both images and score maps, circles as thick as the probability, lines for inliers. PNG files go to ``folder`` and show
-    the last validation; TensorBoard keeps all. ``folder`` may be None.
+    the last validation; TensorBoard keeps all. ``folder`` may be None. Raises BadInputError where it can't be written.
     """
 
     def __init__(self, count: int = 4, n: int = 50, folder: str | Path | None = None) -> None:
@@ -31,7 +31,7 @@ class MatchPictures(L.Callback):
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int, *_: Any
     ) -> None:
         """Draws the pair."""
-        if batch_idx >= self.count or not trainer.is_global_zero:
+        if outputs is None or batch_idx >= self.count or not trainer.is_global_zero:
             return
         assert isinstance(outputs, VerifiedPair)
         network = pl_module.network

@@ -10,6 +10,7 @@ import signal
 import sys
 import tempfile
 import threading
+import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +23,12 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException, InstantiationException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import InterpolationToMissingValueError, MissingMandatoryValue, ValidationError
+from omegaconf.errors import (
+    InterpolationToMissingValueError,
+    MissingMandatoryValue,
+    OmegaConfBaseException,
+    ValidationError,
+)
 
 from sips_lit.cli.arguments import as_typed
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
@@ -44,6 +50,7 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     Bad input ends in one sentence on standard error and exit code 1, Ctrl-C in exit code 130, SIGTERM in 143. A job of a
     multirun that fails does not stop the others.
     """
+    logging.raiseExceptions = False  # a disk that is full is told once, not with a traceback for each line of the log
     register_resolvers()
     quiet_lightning()
     try:
@@ -59,7 +66,34 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
             return task(config)
 
     command.__module__, command.__qualname__ = __name__, config_name
-    hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+    with _errors_of_hydra():
+        hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+
+
+@contextmanager
+def _errors_of_hydra() -> Iterator[None]:
+    """What Hydra raises ends as it prints it, but a folder or log of the run that can't be written in one sentence."""
+    name = "HYDRA_FULL_ERROR"
+    asked = os.environ.get(name)
+    os.environ[name] = "1"  # else Hydra prints a traceback of its own
+    try:
+        yield
+    except Exception as error:
+        sentence = None if isinstance(error, CompactHydraException) else explain(error)
+        if asked:
+            raise
+        if sentence is not None:
+            print(f"error: {sentence}", file=sys.stderr)
+        elif isinstance(error, CompactHydraException):
+            told = [error, error.__cause__] if isinstance(error.__cause__, OmegaConfBaseException) else [error]
+            print(*told, sep="\n", file=sys.stderr)
+        else:
+            traceback.print_exc()
+        sys.exit(1)
+    finally:
+        os.environ.pop(name)
+        if asked is not None:
+            os.environ[name] = asked
 
 
 def plain_warnings() -> None:
@@ -89,7 +123,7 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
 
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     plain_warnings()
-    threading.excepthook = quiet_if_explained
+    threading.excepthook = _only_defects
     try:
         with signals_heard():
             yield
@@ -111,12 +145,6 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
         if config is not None and HydraConfig.get().mode == RunMode.MULTIRUN:
             raise JobFailed(f"a job failed: {sentence}") from None  # an exit would end the jobs that are to come
         sys.exit(1)
-
-
-def quiet_if_explained(arguments: threading.ExceptHookArgs) -> None:
-    """No traceback of a thread that writes to a full disk: TensorBoard's raises the error in the main thread, too."""
-    if not (isinstance(arguments.exc_value, OSError) and arguments.exc_value.errno in FULL):
-        threading.__excepthook__(arguments)
 
 
 @contextmanager
@@ -143,6 +171,12 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 class JobFailed(CompactHydraException):
     """What a job of a multirun ends with; Hydra prints the message, without a traceback, after the last job."""
+
+
+def _only_defects(failed: threading.ExceptHookArgs) -> None:
+    """A thread that can't write (the log's) prints nothing: the error comes again where its result is asked for."""
+    if not isinstance(failed.exc_value, OSError):
+        threading.__excepthook__(failed)
 
 
 def build(node: DictConfig, **extra: Any) -> Any:
@@ -207,6 +241,9 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             )
         if isinstance(cause, OSError) and cause.errno in FULL:
             return full_disk(cause, config)
+        if isinstance(cause, OSError) and cause.errno is not None:
+            file = "" if cause.filename is None else f"{os.fsdecode(cause.filename)}: "
+            return f"{file}{cause.strerror}: see to its permissions and its disk, or choose another place"
         cause = cause.__cause__ or (cause.__context__ if isinstance(cause, InstantiationException) else None)
     return None
 

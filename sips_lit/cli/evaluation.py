@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
-from sips_lit.cli.app import build
+from sips_lit.cli.app import build, typed
 from sips_lit.detect.sanitise import Defects
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.measures import Measures
@@ -33,6 +33,22 @@ from sips_lit.report.columns import auc_of
 from sips_lit.report.files import write_report
 from sips_lit.report.pair_pictures import PairPicture, draw_method_pictures
 from sips_lit.report.terminal import protocol_line, table
+
+
+@dataclass
+class Keys:
+    """The keys of an evaluation beside what is measured, with their types."""
+
+    kind: str
+    pairs: int
+    overlap: float
+    pairs_file: str | None
+    seed: int
+    features: str
+    pictures: bool
+    video_frames: int
+    workers: int
+
 
 CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
 """Keys that say how pairs are chosen."""
@@ -53,8 +69,9 @@ def run_evaluation(
     results: list[PairSetResult] = []
     videos: list[Path] = []
     pictures: dict[tuple[str, str], Sequence[PairPicture]] = {}
+    pair_sets = make_pair_sets(config, folder)
     cache = Path(config.features)
-    for pairs, measures in make_pair_sets(config, folder):
+    for pairs, measures in pair_sets:
         measured = evaluate_pair_set(methods, pairs, measures, cache, config.workers, told({}))
         result = replace(measured, skipped={**skipped, **measured.skipped})
         results.append(result)
@@ -100,9 +117,14 @@ def best_auc(results: Sequence[PairSetResult]) -> float:
 def make_pair_sets(config: DictConfig, folder: Path) -> list[tuple[PairSet, Measures]]:
     """The pair sets of the configuration with what is measured on them; each one's pairs are written to a file.
 
-    Raises BadInputError for keys that a pair set does not have.
+    Raises BadInputError for keys that a pair set does not have, and for values that none can have.
     """
-    entries: dict[str, Any] = {str(key): entry for key, entry in config.pair_sets.items() if entry is not None}
+    given: Any = {} if config.pair_sets is None else config.pair_sets
+    if not isinstance(given, Mapping) or not all(isinstance(entry, DictConfig | None) for entry in given.values()):
+        raise BadInputError(
+            f"pair_sets is {given}: give each pair set by its name, with its keys: {{city: {{pairs: 40}}}}"
+        )
+    entries: dict[str, Any] = {str(key): entry for key, entry in given.items() if entry is not None}
     if not entries:
         entries = {"data": OmegaConf.create({})}
     cache = FrameCache()
@@ -117,13 +139,13 @@ def _pair_set(
         raise BadInputError(f"pair_sets.{key} sets {unknown}, which no pair set has: it can set {', '.join(PAIR_SET)}")
 
     def value(name: str) -> Any:
-        found = entry[name] if name in entry else config[name]
+        found = entry[name] if name in entry else config.get(name)
         return tuple(found) if isinstance(found, ListConfig) else found
 
-    measures = Measures(**{name: value(name) for name in MEASURED})
-    choice: dict[str, Any] = {name: value(name) for name in CHOICE}
+    measures, keys = _checked(value, key if config.pair_sets else None)
+    choice: dict[str, Any] = {name: getattr(keys, name) for name in CHOICE}
     sources, inliers = as_sources(build(value("data"))), build(value("inliers"))
-    listed = choose_pairs(sources, config.paths.indexes, **choice, workers=config.workers)
+    listed = choose_pairs(sources, config.paths.indexes, **choice, workers=keys.workers)
     whole = PairSet(sources, listed, inliers, cache, key, str(entry.get("title", key)), _in_words(choice))
     pairs = whole.verifiable()
     write_pair_file(folder / safe_name(key) / "pairs.csv", pairs.sequences, listed)
@@ -132,6 +154,18 @@ def _pair_set(
             f"{key}: left out {len(pairs.left_out)} pairs whose depth or pose is not known: {', '.join(pairs.left_out)}"
         )
     return pairs, measures
+
+
+def _checked(value: Callable[[str], Any], pair_set: str | None) -> tuple[Measures, Keys]:
+    """What a pair set measures, and its other keys. Raises BadInputError for a value that can't be used."""
+    try:
+        missing = next((name for name in ("data", "inliers") if value(name) is None), None)
+        if missing is not None:
+            raise BadInputError(f"{missing} is not set")
+        plain = OmegaConf.create({field.name: value(field.name) for field in fields(Keys)})
+        return Measures(**{name: value(name) for name in MEASURED}), typed(plain, Keys)
+    except BadInputError as error:
+        raise BadInputError(f"pair_sets.{pair_set}: {error}") if pair_set else error from None
 
 
 def _in_words(choice: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import cv2
 import lightning as L
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from lightning.pytorch.callbacks import ProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.utilities.seed import isolate_rng
 from omegaconf import DictConfig, OmegaConf
+from torch.utils.tensorboard.summary import hparams
 
 from sips_lit.callbacks.continuation import Continuation
-from sips_lit.cli.app import build, run
+from sips_lit.callbacks.prospects import Prospects
+from sips_lit.cli.app import build, explain, run
 from sips_lit.cli.benchmark import benchmark
+from sips_lit.cli.evaluation import make_pair_sets
+from sips_lit.cli.methods import make_methods
 from sips_lit.cli.resuming import find_start, flat, record_of
-from sips_lit.errors import BadInputError
+from sips_lit.detect.checkpoint import export_safetensors
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.module import SipsModule
 
@@ -31,12 +41,19 @@ def train(config: DictConfig) -> float:
     interval = pairs_between_validations(config.trainer)
     data: PairDataModule = build(config.datamodule)
     module: SipsModule = build(config.module)
+    callbacks = make_callbacks(config)
+    if config.module.points < config.k:
+        raise BadInputError(
+            f"module.points is {config.module.points}, and k = {config.k} inliers are needed: select more"
+        )
     trainer: L.Trainer = build(
-        config.trainer, callbacks=make_callbacks(config), logger=build(config.logger), val_check_interval=interval
+        config.trainer, callbacks=callbacks, logger=build(config.logger), val_check_interval=interval
     )
     record = record_of(config, data, trainer)
     trainer.callbacks.append(Continuation(record))  # type: ignore[attr-defined]  # set by the trainer's connector
     start = find_start(config, record)
+    if config.compare is not None and trainer.is_global_zero:
+        check_comparison(config, module)
     if trainer.is_global_zero:
         print(f"run folder: {config.paths.run}\nprecision: {config.trainer.precision}", flush=True)
         if start is not None:
@@ -45,8 +62,16 @@ def train(config: DictConfig) -> float:
     log_settings(trainer, config)
     trainer.fit(module, data, ckpt_path=None if start is None else start.path)
     best, auc = _best(trainer)
-    for logger in trainer.loggers:
+    for logger in trainer.loggers if math.isfinite(auc) else ():
         logger.log_metrics({RUN_METRIC: auc}, trainer.global_step)
+    if auc == 0:
+        reasons = [callback.failure for callback in callbacks if isinstance(callback, Prospects) and callback.failure]
+        why = reasons[0] if reasons else "no validation pair succeeded"
+        told = f"the training did not work, its best validation AUC is 0: {why}"
+        if not _in_multirun():
+            raise BadInputError(told)
+        warn_input(told)  # a search goes on with it as the lowest score
+        return auc
     if trainer.is_global_zero:
         _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
         if config.compare is not None:
@@ -54,15 +79,17 @@ def train(config: DictConfig) -> float:
                 raise BadInputError(
                     "the run has no best checkpoint to compare: set callbacks.checkpoint, or compare=null"
                 )
-            compared = comparison(config, best)
-            compared.paths.run = str(Path(config.paths.run) / "compare")
-            benchmark(compared)
+            benchmark(comparison(config, best))
     return auc
+
+
+def _in_multirun() -> bool:
+    return HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN
 
 
 def make_callbacks(config: DictConfig) -> list[L.Callback]:
     """The callbacks; no progress with ``trainer.enable_progress_bar=false``, where Lightning refuses one."""
-    callbacks = build(config.callbacks).values()
+    callbacks = [callback for callback in build(config.callbacks).values() if callback is not None]
     silent = config.trainer.enable_progress_bar is False
     return [callback for callback in callbacks if not (silent and isinstance(callback, ProgressBar))]
 
@@ -70,7 +97,31 @@ def make_callbacks(config: DictConfig) -> list[L.Callback]:
 def comparison(config: DictConfig, checkpoint: Path) -> DictConfig:
     """``compare``, which has the keys of sips-benchmark, as a configuration of its own, of this checkpoint."""
     keys: Any = OmegaConf.to_container(config.compare, resolve=True)
-    return OmegaConf.create({**keys, "checkpoint": str(checkpoint), "paths": config.paths})
+    paths = {**config.paths, "run": str(Path(config.paths.run) / "compare")}
+    return OmegaConf.create({**keys, "checkpoint": str(checkpoint), "paths": paths})
+
+
+def check_comparison(config: DictConfig, module: SipsModule) -> None:
+    """Prepares the comparison that follows a run, with the network as it is: its mistakes end the run before it trains.
+
+    Raises BadInputError for whatever the comparison can't use, and for a detector of its list that can't be made.
+    """
+    if config.callbacks.checkpoint is None:
+        raise BadInputError("compare needs the best checkpoint of the run: leave callbacks.checkpoint as it is")
+    with TemporaryDirectory() as folder, isolate_rng():
+        checkpoint = Path(folder) / "untrained.safetensors"
+        export_safetensors(module.network, module.selector, checkpoint)
+        compared, skipped = comparison(config, checkpoint), dict[str, str]()
+        try:
+            make_methods(compared, skipped.__setitem__)
+            if skipped and compared.detectors != "all":
+                raise BadInputError("; ".join(f"{key} can't be compared: {why}" for key, why in skipped.items()))
+            make_pair_sets(compared, Path(compared.paths.run))
+        except Exception as error:
+            sentence = explain(error, compared)
+            if sentence is None:
+                raise
+            raise BadInputError(f"compare: {sentence}") from error
 
 
 def log_settings(trainer: L.Trainer, config: DictConfig) -> None:
@@ -78,9 +129,13 @@ def log_settings(trainer: L.Trainer, config: DictConfig) -> None:
     parts = {key: OmegaConf.to_container(config[key], resolve=True) for key in ("model", "optim", "augment")}
     settings = {name: value for name, value in flat(parts) if not name.endswith(("_target_", "_partial_"))}
     settings |= {"seed": config.seed, "points": config.module.points, "overlap": config.datamodule.overlap}
+    settings = {name: value if isinstance(value, int | float | str) else str(value) for name, value in settings.items()}
     for logger in trainer.loggers:
-        if isinstance(logger, TensorBoardLogger):
-            logger.log_hyperparams(settings, {RUN_METRIC: float("nan")})
+        if isinstance(logger, TensorBoardLogger) and trainer.is_global_zero:
+            logger.log_hyperparams(settings)
+            # the table's row as the logger makes it, but without a value of the metric: there is none before a validation
+            for summary in hparams(settings, {RUN_METRIC: None}):  # type: ignore[no-untyped-call]
+                logger.experiment.file_writer.add_summary(summary)
 
 
 def pairs_between_validations(trainer: DictConfig) -> int:

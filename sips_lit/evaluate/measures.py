@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
+from numbers import Integral, Real
 from typing import Any, get_args
 
 from sips_lit.errors import BadInputError
@@ -12,6 +13,13 @@ from sips_lit.types import ScoreKind
 
 KS = (5, 6, 7, 8, 10, 12, 15, 20, 25, 30)
 """The paper's."""
+_KINDS = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "a word",
+    tuple: "a list of whole numbers",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +54,10 @@ class Measures:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        for field in fields(self):
+            value, default = getattr(self, field.name), field.default
+            if not _alike(value, default):
+                raise BadInputError(f"{field.name} is {value}: give {_KINDS[type(default)]}")
         if not 1 <= self.k < self.n_max:
             raise BadInputError(
                 f"k is {self.k} and n_max is {self.n_max}: ask for at least one inlier, within more points than that"
@@ -88,3 +100,11 @@ class Measures:
         The best n of probabilities are the first n of more; other detectors, as ORB, choose others among more.
         """
         return max(self.n_max, *self.calibration, 0) if scores == "probability" else self.n_max
+
+
+def _alike(value: Any, default: Any) -> bool:
+    """Whether a value is of the kind of a default: a list of whole numbers, say."""
+    if isinstance(default, tuple):
+        return isinstance(value, tuple | list) and all(_alike(one, 0) for one in value)
+    kinds: dict[type, Any] = {bool: bool, int: Integral, float: Real, str: str}
+    return isinstance(value, kinds[type(default)]) and isinstance(value, bool) == isinstance(default, bool)

@@ -118,11 +118,21 @@ class FixedPairs:
     def __len__(self) -> int:
         return len(self.choices)
 
+    def name(self, index: int) -> str:
+        """What pair ``index`` is called."""
+        at, choice = self.choices[index]
+        return pair_name(self.sources[at].sequences[choice.sequence], choice.index0, choice.index1)
+
     def __getitem__(self, index: int) -> SourcePair:
         """Pair ``index``; raises BadInputError when one of its frames can't be read."""
         at, choice = self.choices[index]
         sequence, check = self.sources[at].sequences[choice.sequence], self.sources[at].inliers or self.default
         return SourcePair(read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth), at)
+
+
+def pair_name(sequence: ImageSequence, index0: int, index1: int) -> str:
+    """What the pair of these frames is called."""
+    return f"{sequence.name}:{index0}-{index1}"
 
 
 def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool = True, depth: bool = True) -> FramePair:
@@ -138,7 +148,7 @@ def read_pair(sequence: ImageSequence, index0: int, index1: int, between: bool =
         )
     step = 1 if index1 > index0 else -1
     indices = range(index0, index1 + step, step) if between else (index0, index1)
-    name, frames = f"{sequence.name}:{index0}-{index1}", tuple(sequence.frame(index) for index in indices)
+    name, frames = pair_name(sequence, index0, index1), tuple(sequence.frame(index) for index in indices)
     homography, geometry = sequence.homography(index0, index1), _geometry(sequence, index0, index1, depth)
     return FramePair(name, index0, index1, frames, frames[0], frames[-1], homography, geometry)
 

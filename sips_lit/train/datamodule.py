@@ -11,7 +11,7 @@ from typing import Any
 import lightning as L
 import torch
 from lightning.pytorch.utilities import rank_zero_only
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, DistributedSampler
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source, as_sources, split_tail
@@ -20,7 +20,7 @@ from sips_lit.pairs.overlap import OverlapParameters
 from sips_lit.pairs.sampler import FixedPairs, PairChoice, SourceSampler, read_pair
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, SkippedPairs, TrainingPairs
-from sips_lit.train.loader import LabelledPair, OneStepAhead
+from sips_lit.train.loader import LOADING_TIMEOUT, LabelledPair, OneStepAhead
 from sips_lit.types import Descriptor, ImageSequence, InlierCheck
 
 
@@ -30,7 +30,8 @@ class PairDataModule(L.LightningDataModule):
     ``data``: sequences, or sources with weights; ``val_data``: the same for validation, or None to keep the last
     ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``val_pairs``: how many
     fixed pairs validate; ``loading_workers``: processes that decode and augment; ``labelling_workers``: threads that
-    describe, match and track; ``index_folder``: where overlap indexes are kept.
+    describe, match and track; ``loading_timeout``: seconds without a pair after which the loading workers count as hung;
+    ``index_folder``: where overlap indexes are kept. Raises BadInputError for data or numbers that can't train.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class PairDataModule(L.LightningDataModule):
         val_pairs: int = 30,
         loading_workers: int = 2,
         labelling_workers: int = 2,
+        loading_timeout: float = LOADING_TIMEOUT,
         seed: int = 0,
     ) -> None:
         super().__init__()
@@ -54,11 +56,14 @@ class PairDataModule(L.LightningDataModule):
         self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
         self.overlap, self.val_pairs, self.seed = overlap, val_pairs, seed
         self.loading_workers, self.labelling_workers = loading_workers, labelling_workers
+        self.loading_timeout = loading_timeout
         self.skipped = SkippedPairs()
         if val_data is None:
             self.sources, self.val_sources = split_tail(as_sources(data), val_fraction)
         else:
             self.sources, self.val_sources = as_sources(data), as_sources(val_data)
+        if not loading_timeout > 0:
+            raise BadInputError(f"loading_timeout is {loading_timeout}: give a number of seconds above 0")
         if not self.sources or not self.val_sources:
             raise BadInputError(
                 f"the sequences are too short to keep {val_fraction:.0%} of each for validation: give more frames, a larger "
@@ -121,12 +126,28 @@ class PairDataModule(L.LightningDataModule):
             first=trainer.global_rank,
             stride=trainer.world_size,
             skipped=self.skipped,
+            loading_timeout=self.loading_timeout,
         )
 
     def val_dataloader(self) -> DataLoader[Any]:
-        """Fixed pairs, packed."""
+        """Fixed pairs, packed; each process takes its share, and as many as any other: see `repeated`."""
         pairs = PackedPairs(FixedPairs(self.val_sources, self.val_choices, self.inliers))
-        return DataLoader(pairs, batch_size=None, num_workers=0)
+        ranks, rank = self._processes
+        sampler: DistributedSampler[Any] = DistributedSampler(pairs, ranks, rank, shuffle=False)
+        return DataLoader(pairs, batch_size=None, num_workers=0, sampler=sampler)
+
+    def repeated(self, batch_idx: int) -> bool:
+        """Whether validation batch ``batch_idx`` of this process is a pair that counted before, in one of the processes.
+
+        Where the number of pairs is no multiple of that of processes, the sampler begins again with the first pair.
+        """
+        ranks, rank = self._processes
+        return batch_idx * ranks + rank >= len(self.val_choices)
+
+    @property
+    def _processes(self) -> tuple[int, int]:
+        """How many processes train, and which of them this is."""
+        return (self.trainer.world_size, self.trainer.global_rank) if self.trainer else (1, 0)
 
     def transfer_batch_to_device(self, batch: Any, device: torch.device, dataloader_idx: int) -> Any:
         """Only the images of a labelled pair go to the device."""

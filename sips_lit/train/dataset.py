@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,11 +9,10 @@ from typing import Any
 import numpy as np
 import torch
 from torch.utils.data import Dataset
-from tqdm import tqdm
 
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.source import Source
-from sips_lit.pairs.sampler import FixedPairs, SourcePair, SourceSampler, read_pair
+from sips_lit.pairs.sampler import FixedPairs, SourcePair, SourceSampler, pair_name, read_pair
 from sips_lit.train.augment import Augmentation
 from sips_lit.types import InlierCheck
 
@@ -38,6 +36,11 @@ class TrainingPairs:
 
     def __len__(self) -> int:
         return self.length
+
+    def name(self, index: int) -> str:
+        """What pair ``index`` is called, if it can be read."""
+        at, choice = self.sampler.draw(0, index)
+        return pair_name(self.sources[at].sequences[choice.sequence], choice.index0, choice.index1)
 
     def __getitem__(self, index: int) -> SourcePair:
         """Pair ``index``; raises BadInputError when `TRIES` pairs in a row can't be read."""
@@ -71,7 +74,7 @@ class SkippedPairs:
         """
         if reasons and not self.count:
             self.first = reasons[0]
-            tqdm.write(f"warning: a training pair is left out, and others may be: {self.first}", file=sys.stderr)
+            warn_input(f"a training pair is left out, and others may be: {self.first}")
         self.count += len(reasons)
         if self.count >= TRUSTED and self.count > pairs:
             raise BadInputError(
@@ -103,12 +106,20 @@ class PackedPairs(Dataset[dict[str, Any] | BadInputError]):
     def __len__(self) -> int:
         return len(self.pairs)
 
+    def name(self, index: int) -> str:
+        """What pair ``index`` is called, without reading it."""
+        return self.pairs.name(index)
+
     def __getitem__(self, index: int) -> dict[str, Any] | BadInputError:
         """Pair ``index``, for `unpack`."""
         try:
             return pack(self.pairs[index])
         except BadInputError as error:
             return error
+        except OSError as error:
+            return BadInputError(
+                f"{self.name(index)} can't be read: {error.filename or 'its files'}: {error.strerror or error}"
+            )
 
 
 def pack(item: SourcePair) -> dict[str, Any]:

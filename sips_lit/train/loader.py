@@ -10,19 +10,24 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import cv2
 import torch
+import torch.multiprocessing as mp
 from torch import Tensor, distributed
 from torch.utils.data import DataLoader, Subset
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedPairs, unpack
 from sips_lit.train.labelling import label_pair
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
+
+LOADING_TIMEOUT = 120.0  # seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +61,7 @@ class OneStepAhead:
     Asks ``select`` for the points of the next pair, hands them to ``workers`` labelling threads (OpenCV releases the
     GIL), and yields the pair labelled before. The state is the position in the stream of pairs and the points of the pair
     that is being labelled: with it a resumed run continues as if it had not been interrupted. ``skipped`` counts the pairs
-    that can't be read.
+    that can't be read. Loading workers that give no pair for ``loading_timeout`` seconds are replaced.
     """
 
     def __init__(
@@ -70,8 +75,9 @@ class OneStepAhead:
         first: int = 0,
         stride: int = 1,
         skipped: SkippedPairs | None = None,
+        loading_timeout: float = LOADING_TIMEOUT,
     ) -> None:
-        self.skipped = skipped or SkippedPairs()
+        self.skipped, self.loading_timeout = skipped or SkippedPairs(), loading_timeout
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
         self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
         self.first, self.indices = first, range(first, len(pairs), stride)  # of the pairs that this process takes
@@ -83,20 +89,12 @@ class OneStepAhead:
         return len(self.indices)
 
     def __iter__(self) -> Iterator[LabelledPair]:
-        """Continues at ``position``."""
-        rest = Subset(self.pairs, self.indices[self.position :])
-        loader = DataLoader(
-            rest,
-            batch_size=None,
-            num_workers=self.loading_workers,
-            worker_init_fn=_quiet_worker,
-            multiprocessing_context=_context(self.loading_workers),
-        )
-        stream = iter(loader)
+        """Continues at ``position``. Raises BadInputError when the workers that replace others give no pair, either."""
+        stream = self._packed()
         with _pool(1) as coordinator, _pool(self.labelling_workers) as workers:
 
             def submit(ahead: Points | None = None) -> tuple[Points, tuple[str, ...], Future[LabelledPair]] | None:
-                packed = _next(stream)
+                packed = next(stream, None)
                 if packed is None:
                     return None
                 item = unpack(packed)
@@ -112,6 +110,33 @@ class OneStepAhead:
                 self._ahead = following[0] if following else None
                 yield replace(labelled, skipped=self.skipped.count)
                 labelling = following
+
+    def _packed(self) -> Iterator[Any]:
+        """The pairs from ``position`` on, as `PackedPairs` has them."""
+        at, hung_at = self.position, -1
+        stream = _Stream(self.pairs, self.indices[at:], self.loading_workers)
+        try:
+            while True:
+                try:
+                    packed = stream.next(self.loading_timeout)
+                except WorkersHung:
+                    name = self.pairs.name(self.indices[at])
+                    late = f"no training pair came for {self.loading_timeout:g} s (the next is {name})"
+                    if hung_at == at:
+                        raise BadInputError(
+                            f"{late}, from new loading workers, either: see whether its files can be read, or raise "
+                            "datamodule.loading_timeout (seconds)"
+                        ) from None
+                    warn_input(f"{late}: the loading workers hang and are replaced")
+                    stream.close()
+                    hung_at, stream = at, _Stream(self.pairs, self.indices[at:], self.loading_workers, yielding=False)
+                    continue
+                if packed is None:
+                    return
+                at += 1
+                yield packed
+        finally:
+            stream.close()
 
     def _label(self, item: SourcePair, points: Points, workers: ThreadPoolExecutor) -> LabelledPair:
         pair, check = item.pair, self.checks[item.source]
@@ -144,12 +169,70 @@ def _of_all_processes(own: dict[str, Any]) -> list[dict[str, Any]]:
     return states
 
 
-def _next(stream: Iterator[Any]) -> Any:
-    """What comes next, None at the end. A worker that is killed while its pixels are fetched fails as any that is killed."""
-    try:
-        return next(stream, None)
-    except (EOFError, ConnectionError) as error:
-        raise RuntimeError("a DataLoader worker that was read from exited unexpectedly") from error
+class WorkersHung(Exception):  # noqa: N818 - the loader mends it, once
+    """Loading workers gave nothing for too long, and were killed."""
+
+
+class _Stream:
+    """The packed pairs of some indices, from loading workers that end with it whatever they hang in.
+
+    ``yielding``: whether the workers run only where a core is idle; else a busy machine can't starve them.
+    """
+
+    def __init__(self, pairs: PackedPairs, indices: Sequence[int], workers: int, yielding: bool = True) -> None:
+        others = mp.active_children()
+        initialise = partial(_quiet_worker, yielding)
+        loader = DataLoader(
+            Subset(pairs, indices),
+            batch_size=None,
+            num_workers=workers,
+            worker_init_fn=initialise,
+            multiprocessing_context=_context(workers),
+        )
+        self._pairs: Any = iter(loader)
+        self._workers = [child for child in mp.active_children() if child not in others]
+
+    def next(self, timeout: float) -> Any:
+        """What comes next, None at the end.
+
+        Raises WorkersHung after ``timeout`` seconds, and RuntimeError for a worker that died, as the DataLoader does; if
+        its pixels were just being fetched, too. A worker that hangs can block that: the DataLoader's own timeout
+        would not notice.
+        """
+        hung = threading.Event()
+        watchdog = threading.Timer(timeout, self._kill, [hung])
+        if self._workers:
+            watchdog.start()
+        try:
+            return self._fetch()
+        except RuntimeError as error:
+            if hung.is_set():
+                raise WorkersHung from error
+            raise
+        finally:
+            watchdog.cancel()
+
+    def _fetch(self) -> Any:
+        try:
+            return next(self._pairs, None)
+        except (EOFError, ConnectionError) as error:
+            for worker in self._workers:
+                worker.join(1)  # the DataLoader raises its own error as soon as the system tells it, at the latest here
+            raise RuntimeError("a DataLoader worker that was read from exited unexpectedly") from error
+
+    def close(self) -> None:
+        """Ends the workers."""
+        if self._workers:
+            self._pairs._shutdown_workers()  # else the DataLoader takes those that are killed for a failure
+            self._kill()
+            for worker in self._workers:
+                worker.join(1)
+
+    def _kill(self, noted: threading.Event | None = None) -> None:
+        if noted is not None:
+            noted.set()
+        for worker in self._workers:
+            worker.kill()
 
 
 def _to_state(points: SelectedPoints) -> dict[str, Tensor]:
@@ -185,7 +268,7 @@ def _context(workers: int) -> str | None:
     return None if not workers or multiprocessing.get_start_method() in ways else ways[0]
 
 
-def _quiet_worker(_: int) -> None:
+def _quiet_worker(yielding: bool, _: int) -> None:
     """A loading worker leaves the threads to the network, and signals that all processes get to the parent."""
     cv2.setNumThreads(0)  # forked OpenCV threads hang
     torch.set_num_threads(1)
@@ -193,7 +276,8 @@ def _quiet_worker(_: int) -> None:
     if hasattr(signal, "sigwaitinfo"):  # Linux
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         threading.Thread(target=_end_for_parent, args=(os.getppid(),), daemon=True).start()
-    _step_back()
+    if yielding:
+        _step_back()
 
 
 def _end_for_parent(parent: int) -> None:

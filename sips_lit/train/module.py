@@ -82,8 +82,14 @@ class SipsModule(L.LightningModule):
         self.log("train/excess_loss", mean_loss - constant_loss(rates["labels/inlier"]), batch_size=1)
         self.log("inliers", rates["labels/inlier"], prog_bar=True, logger=False, batch_size=1)
 
+    def on_before_optimizer_step(self, optimizer: Optimizer) -> None:
+        """Logs the learning rate of the step that follows: once, of however many pairs the step is."""
+        self.log(f"lr-{type(optimizer).__name__}", optimizer.param_groups[0]["lr"], batch_size=1)
+
     def validation_step(self, packed: Any, batch_idx: int) -> Any:
-        """A validation pair as a `VerifiedPair`: the validation callbacks measure it."""
+        """A validation pair as a `VerifiedPair`, for the validation callbacks; None for one that counted before."""
+        if self.data.repeated(batch_idx):
+            return None
         item = unpack(packed)
         check = self.data.check_of(self.data.val_sources[item.source])
         return verify(item.pair, self._features(item.pair.image0), self._features(item.pair.image1), check)

@@ -1,6 +1,6 @@
 import pytest
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from omegaconf import OmegaConf, open_dict
 
 from sips_lit.cli.app import CONF_DIR
 from sips_lit.cli.evaluation import best_auc, make_pair_sets
@@ -41,6 +41,36 @@ def test_keys_that_no_pair_set_has(config, folders):
     with pytest.raises(
         BadInputError, match=r"pair_sets\.a sets nonsense, which no pair set has: it can set title, data"
     ):
+        make_pair_sets(config, folders / "run")
+
+
+NOT_NULL = """k ks n n_max budgets search repeats calibration pose threshold cells
+kind pairs overlap seed workers features video_frames pictures data inliers"""
+
+
+@pytest.mark.parametrize("key", NOT_NULL.split())
+def test_keys_that_can_not_be_null(config, folders, key):
+    config[key] = None
+    with pytest.raises(BadInputError, match=rf"^{key} (is|has) "):
+        make_pair_sets(config, folders / "run")
+
+
+@pytest.mark.parametrize(
+    ("pair_sets", "told"),
+    [
+        ({"city": {"pairs": None}}, r"pair_sets\.city: pairs has a value of the wrong type"),
+        ({"city": {"n": 0}}, r"pair_sets\.city: n is 0"),
+        ({"city": {"k": "many"}}, r"pair_sets\.city: k is many: give a whole number"),
+        ({"city": {"data": None}}, r"pair_sets\.city: data is not set"),
+        ({"city": 3}, "pair_sets is "),
+        ([1], "pair_sets is "),
+        ("city", "pair_sets is city"),
+    ],
+)
+def test_pair_sets_that_are_none(config, folders, pair_sets, told):
+    with open_dict(config):
+        config.pair_sets = pair_sets
+    with pytest.raises(BadInputError, match=told):
         make_pair_sets(config, folders / "run")
 
 

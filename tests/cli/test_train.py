@@ -73,6 +73,28 @@ def test_training_scalars_are_logged(tmp_path, frames):
     logged = scalars(tmp_path / "run")
     for name in ("train/loss", "train/points", "labels/inlier", "labels/far", "inlier_rate/data", "lr-Adam"):
         assert len(logged[name]) == 2, name
+    assert all(np.isfinite(value) for values in logged.values() for _, value in values)
+
+
+@pytest.mark.parametrize("scheduler", [True, False])
+@pytest.mark.parametrize("accumulate", [1, 3])
+def test_the_learning_rate_is_logged_once_per_step(tmp_path, frames, accumulate, scheduler):
+    steps = "trainer.max_steps=4", "trainer.log_every_n_steps=1", f"trainer.accumulate_grad_batches={accumulate}"
+    run_it(tmp_path / "run", frames, *steps, *([] if scheduler else ["optim.scheduler=null"]))
+    logged = scalars(tmp_path / "run")["lr-Adam"]
+    cosine = [1e-5 + (1e-3 - 1e-5) * (1 + np.cos(np.pi * step / 4)) / 2 for step in range(4)]
+    assert [step for step, _ in logged] == [0, 1, 2, 3]
+    assert [value for _, value in logged] == pytest.approx(cosine if scheduler else [1e-3] * 4, rel=1e-5)
+
+
+def test_the_table_of_runs_has_the_settings_and_the_best_auc_once(whole):
+    run, auc = whole
+    assert scalars(run)["best_succinctness_auc"] == [(8, pytest.approx(auc))]
+    events = EventAccumulator(str(run)).Reload()
+    assert "_hparams_/session_start_info" in str(events.summary_metadata)
+    told = events.summary_metadata["_hparams_/session_start_info"].plugin_data.content
+    assert b"optim.optimizer.lr" in told
+    assert b"best_succinctness_auc" in events.summary_metadata["_hparams_/experiment"].plugin_data.content
 
 
 @pytest.mark.parametrize(("labelling", "loading"), [(3, 0), (1, 2)])
@@ -170,8 +192,9 @@ def test_a_loss_that_is_not_finite_stops_the_run(tmp_path, frames, of_weights):
 def test_images_smaller_than_the_receptive_field(tmp_path):
     # 21 pixels are seen by a network of depth 10
     frames = write_frames(tmp_path / "tiny", flight(14, step=(0.4, 0.2), size=(20, 18)).frames)
-    auc = run_it(tmp_path / "run", frames, "model.depth=10", "datamodule.overlap=0.1")
-    assert np.isfinite(auc)
+    with pytest.raises(BadInputError, match="the training did not work"):  # there is no room for ten points
+        run_it(tmp_path / "run", frames, "model.depth=10", "datamodule.overlap=0.1")
+    assert all(torch.isfinite(w).all() for w in weights(tmp_path / "run").values())
 
 
 def test_sequences_of_different_sizes(tmp_path):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from cli_runs import TINY, Process, write_frames
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from textured_scenes import flight, texture
 
 
@@ -254,6 +255,95 @@ def test_validation_is_counted_in_steps(command, frames, interval):
     assert "trainer.val_check_interval" in result.sentence
 
 
+NO_INLIER = "inliers.threshold=1e-9"
+
+
+@pytest.mark.parametrize(
+    ("without", "why"),
+    [
+        ((NO_INLIER,), r"no validation pair has an inlier \(of the points .*too far"),
+        (("module.selector.nms_radius=100",), r"no validation pair have more than \d points, and k = 10"),
+        (("k=39", "module.points=39"), r"no validation pair has k = 39 inliers .* the best has \d+: train longer"),
+    ],
+)
+def test_a_training_that_did_not_work_is_an_error_with_its_reason(command, frames, folders, without, why):
+    result = command("train", *given(frames, *without, f"hydra.run.dir={folders}/run"))
+    told = r"the training did not work, its best validation AUC is 0: .*"
+    assert re.fullmatch(told + why + ".*", result.sentence)
+    assert re.search(f"warning: step 2: .*{why}", result.err)
+    assert "best validation AUC 0.000" not in result.out
+    assert (folders / "run" / "checkpoints" / "last.ckpt").is_file()
+
+
+def test_a_training_without_any_inlier_ends_at_its_first_validation(command, frames, folders):
+    steps = "trainer.max_steps=50", "trainer.val_check_interval=4", "callbacks.prospects.stretch=3"
+    result = command("train", *given(frames, NO_INLIER, *steps, f"hydra.run.dir={folders}/run"))
+    assert result.sentence.startswith(
+        "there is nothing to learn: 4 training pairs had no inlier, and no validation pair"
+    )
+    assert "warning: 3 training pairs in a row had no inlier" in result.err
+
+
+def test_a_search_goes_on_with_a_score_of_zero(command, frames, folders):
+    result = command("train", "-m", *given(frames, "inliers.threshold=1e-9,3", f"hydra.sweep.dir={folders}/sweep"))
+    assert result.code == 0, result.err
+    assert result.err.count("warning: the training did not work") == 1
+    assert result.out.count("best validation AUC") == 1
+
+
+def test_fewer_points_than_inliers_are_refused_before_training(command, frames):
+    assert "module.points is 9, and k = 10" in command("train", *given(frames, "module.points=9")).sentence
+
+
+COMPARE = (
+    "+evaluation@compare=default",
+    "+compare.detectors=[sips,orb]",
+    "+compare.descriptor=${descriptor}",
+    "+compare.inliers=${inliers}",
+    "compare.pairs=3",
+    "compare.n=20",
+    "compare.n_max=40",
+    "compare.repeats=1",
+    "compare.pictures=false",
+)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ("compare.k=null", "compare: k is None: give a whole number"),
+        ("compare.pairs=null", "compare: pairs has a value of the wrong type"),
+        ("compare.features=null", "compare: features has a value of the wrong type"),
+        ("compare.inliers=null", "compare: inliers is not set"),
+        ("compare.detectors=null", "compare: detectors is None"),
+        ("compare.detectors=[sips,siff]", "there is no detector siff: choose from"),
+        ("compare.detectors=[{sips: {radius: 3}}]", "compare: detectors sets radius of sips"),
+        ("compare.descriptor=null", "compare: sips can't be compared: "),
+        ("compare.pairs_file=/gone/pairs.csv", "compare: the pair list /gone/pairs.csv can't be read"),
+        ("compare.data.path=/gone/frames", "compare: there is no folder /gone/frames"),
+        ("+compare.pair_sets.city.data=null", "compare: pair_sets.city: data is not set"),
+        ("callbacks.checkpoint=null", "compare needs the best checkpoint of the run"),
+    ],
+)
+def test_mistakes_in_the_comparison_are_found_before_training(command, frames, wrong, text, monkeypatch):
+    monkeypatch.setattr("lightning.Trainer.fit", lambda *_, **__: pytest.fail("it trains"))
+    data = f"+compare.data={{_target_: sips_lit.frames.folder.folder, path: {frames}}}"
+    assert text in command("train", *given(frames, *COMPARE, data, wrong)).sentence
+
+
+def test_a_comparison_that_was_checked_changes_nothing_of_the_training(command, frames, folders):
+    data = f"+compare.data={{_target_: sips_lit.frames.folder.folder, path: {frames}}}"
+    assert command("train", *given(frames, f"hydra.run.dir={folders}/plain")).code == 0
+    result = command("train", *given(frames, *COMPARE, data, f"hydra.run.dir={folders}/compared"))
+    assert result.code == 0, result.err
+    assert (folders / "compared" / "compare" / "results.json").is_file()
+    plain, compared = (
+        torch.load(folders / run / "checkpoints" / "last.ckpt", weights_only=True)["state_dict"]
+        for run in ("plain", "compared")
+    )
+    assert all(torch.equal(plain[name], compared[name]) for name in plain)
+
+
 def test_a_full_disk(command, frames, monkeypatch):
     def full(*_args, **_options):
         raise OSError(errno.ENOSPC, "No space left on device", "/disk/last.ckpt")
@@ -298,10 +388,35 @@ def test_a_damaged_last_checkpoint_falls_back_to_the_one_before(command, frames,
     assert all(torch.equal(stored["state_dict"][name], whole[name]) for name in whole)
 
 
-def test_a_folder_that_cannot_be_written(command, frames, tmp_path):
+def test_a_log_on_a_full_disk(command, frames, monkeypatch):
+    def full(*_args, **_options):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full)
+    assert "the disk is full" in command("train", *given(frames)).sentence
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "paths.indexes",
+        "paths.run",
+        "hydra.run.dir",
+        "logger.save_dir",
+        "callbacks.pictures.folder",
+        "callbacks.checkpoint.dirpath",
+        "callbacks.last_checkpoint.dirpath",
+    ],
+)
+def test_a_folder_that_cannot_be_written(command, frames, tmp_path, key):
     (tmp_path / "file").write_text("")
-    sentence = command("train", *given(frames, f"paths.indexes={tmp_path}/file")).sentence
-    assert str(tmp_path / "file") in sentence
+    assert f"{tmp_path}/file" in command("train", *given(frames, f"{key}={tmp_path}/file/below")).sentence
+
+
+def test_a_sweep_folder_that_cannot_be_written(command, frames, tmp_path):
+    (tmp_path / "file").write_text("")
+    sweep = f"hydra.sweep.dir={tmp_path}/file/below", "seed=1,2"
+    assert f"{tmp_path}/file" in command("train", "-m", *given(frames, *sweep)).sentence
 
 
 def test_a_sweep_runs_its_jobs_in_folders_of_their_own(command, frames, folders):
@@ -349,3 +464,25 @@ def test_two_processes_are_one_run(process, frames, folders):
     assert torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == 3
     assert out.count("run folder: ") == 1
     assert out.count("best validation AUC") == 1
+
+
+def validated(run) -> dict[str, float]:
+    """The numbers of the one validation of a run."""
+    events = EventAccumulator(str(run)).Reload()
+    return {tag: events.Scalars(tag)[-1].value for tag in events.Tags()["scalars"] if tag.startswith("val/")}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("processes", "pairs"), [(2, 5), (3, 2)])
+def test_every_pair_validates_once_whatever_the_number_of_processes(
+    process, command, frames, folders, processes, pairs
+):
+    one, several = folders / "one", folders / "several"
+    same = "optim.optimizer.lr=0", "optim.scheduler=null", "trainer.max_steps=1", f"datamodule.val_pairs={pairs}", "k=3"
+    assert command("train", *given(frames, *same, f"hydra.run.dir={one}")).code == 0
+    ddp = f"trainer.devices={processes}", "trainer.strategy=ddp", f"hydra.run.dir={several}"
+    code, out = ended(process("train", *given(frames, *same, *ddp)), 90)
+    assert code == 0, out
+    assert {"val/succinctness_auc", "val/ece", "val/mce", "val/brier"} <= validated(one).keys()
+    assert 0 < validated(one)["val/succinctness_auc"] < 1
+    assert validated(several) == validated(one)

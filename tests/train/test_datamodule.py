@@ -146,3 +146,16 @@ def test_only_images_of_labelled_pairs_go_to_the_device(tmp_path):
     assert moved.image0.is_meta
     packed = {"pixels": torch.from_numpy(texture(4, 4))}
     assert data.transfer_batch_to_device(packed, torch.device("meta"), 0) is packed
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4, 7])
+def test_each_validation_pair_counts_in_one_process_and_all_take_equally_many(tmp_path, ranks):
+    shares, counted = [], []
+    for rank in range(ranks):
+        data = ready(module(tmp_path), rank=rank, ranks=ranks)
+        names = [unpack(packed).pair.name for packed in data.val_dataloader()]
+        shares.append(len(names))
+        counted += [name for at, name in enumerate(names) if not data.repeated(at)]
+    alone = [unpack(packed).pair.name for packed in ready(module(tmp_path)).val_dataloader()]
+    assert sorted(counted) == sorted(alone)
+    assert len(set(shares)) == 1

@@ -84,3 +84,15 @@ def test_other_errors_are_not_hidden():
     data = [Source([flight(3)])]
     with pytest.raises(IndexError):
         PackedPairs(FixedPairs(data, [(0, PairChoice(0, 1, 9))], KltInliers()))[0]
+
+
+def test_a_pair_whose_files_the_system_refuses_passes_as_its_error():
+    class Refused:
+        def __getitem__(self, index):
+            raise OSError(5, "Input/output error", "/data/7.png")
+
+        def name(self, index):
+            return "walk:3-9"
+
+    with pytest.raises(BadInputError, match=r"walk:3-9 can't be read: /data/7\.png: Input/output error"):
+        unpack(PackedPairs(Refused())[0])

@@ -1,4 +1,5 @@
 import multiprocessing
+import os
 import signal
 import subprocess
 import sys
@@ -6,11 +7,12 @@ import time
 
 import pytest
 import torch
+import torch.multiprocessing as mp
 from textured_scenes import flight
 from train_stream import LENGTH, Learner, after_interruption, assert_same, loader, pairs_of, run
 
 from sips_lit.describe.sift import RootSift
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.train.loader import LabelledPair, OneStepAhead, _quiet_worker
 
@@ -200,3 +202,71 @@ def test_a_worker_ends_when_its_parent_asks_and_not_with_the_whole_group():
     worker.terminate()
     worker.join(10)
     assert worker.exitcode == 0
+
+
+def stop_workers() -> None:
+    """Loading workers stand still, as they do when a disk does not answer."""
+    for child in mp.active_children():
+        os.kill(child.pid, signal.SIGSTOP)
+
+
+def take_all(stream: OneStepAhead, learner: Learner, taken: list[LabelledPair], hang_after: int = 0) -> None:
+    """Takes all pairs; the workers stand still after some of them."""
+    for pair in stream:
+        taken.append(pair)
+        learner.step()
+        if len(taken) == hang_after:
+            time.sleep(0.3)  # what is loaded ahead waits in the workers: fetching it hangs, too
+            stop_workers()
+
+
+@pytest.mark.parametrize("hang_after", [1, 3])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_workers_that_hang_are_replaced_and_no_pair_is_lost(workers, hang_after, expected):
+    learner, taken = Learner(), []
+    stream = loader(learner, workers)
+    stream.loading_timeout = 1.0
+    told = r"no training pair came for 1 s \(the next is .*:\d+-\d+\): .* are replaced"
+    with pytest.warns(InputWarning, match=told):
+        take_all(stream, learner, taken, hang_after)
+    assert len(taken) == LENGTH
+    for pair, other in zip(taken, expected, strict=True):
+        assert_same(pair, other)
+    assert mp.active_children() == []
+
+
+class Hanging:
+    """Pairs of which one never comes."""
+
+    def __init__(self, pairs, index: int) -> None:
+        self.pairs, self.index = pairs, index
+        self.name = pairs.name
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    def __getitem__(self, index: int):
+        if index == self.index:
+            signal.pause()
+        return self.pairs[index]
+
+
+@pytest.mark.filterwarnings("ignore:no training pair came")
+def test_a_pair_that_never_comes_ends_the_run_with_its_name():
+    learner, taken = Learner(), []
+    stream = loader(learner, 1)
+    stream.pairs, stream.loading_timeout = Hanging(stream.pairs, 4), 1.0
+    with pytest.raises(BadInputError, match=r"the next is .*\), from new loading workers, .*loading_timeout") as caught:
+        take_all(stream, learner, taken)
+    assert stream.pairs.name(4) in str(caught.value)
+    assert len(taken) == 3  # pair 3 was waiting for its label
+    assert mp.active_children() == []
+
+
+def test_nobody_waits_for_a_worker_that_stands_still_when_the_run_is_interrupted():
+    learner = Learner()
+    pairs = iter(loader(learner, 1))
+    next(pairs)
+    stop_workers()
+    pairs.close()
+    assert mp.active_children() == []
