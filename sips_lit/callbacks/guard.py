@@ -110,7 +110,10 @@ class GracefulStop(Checkpoint):
 
     def on_exception(self, trainer: L.Trainer, pl_module: L.LightningModule, exception: BaseException) -> None:
         """Gives the signals back, as there is no teardown after an exception; ends the processes that Lightning launched."""
+        heard = bool(self._previous)
         self._give_back()
+        if heard and isinstance(exception, TrainingInterrupted):
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the program ends anyway, and schedulers send it twice
         processes = getattr(trainer.strategy.launcher, "procs", [])
         for process in processes:
             with contextlib.suppress(subprocess.TimeoutExpired):

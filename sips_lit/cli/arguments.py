@@ -17,9 +17,9 @@ from sips_lit.files import LONGEST_NAME
 
 PATH_KEYS: Final = frozenset(
     {"path", "root", "input", "output", "checkpoint", "ckpt_path", "pairs_file", "features", "images", "weights"}
-    | {"cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir"}
+    | {"cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir", "names"}
 )
-"""Last parts of the keys that hold paths; all keys of the group ``paths`` do, too."""
+"""Last parts of the keys that hold paths and names of files; all keys of the group ``paths`` do, too."""
 _OVERRIDE = re.compile(r"(\+{0,2})([\w.@/-]+)=(.*)", re.DOTALL)
 _OTHER = re.compile(r"null|\?\?\?|(['\"]).*\1|(choice|glob|range|sort|shuffle)\(.*\)", re.DOTALL)
 

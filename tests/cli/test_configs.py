@@ -25,6 +25,7 @@ from textured_scenes import texture
 from tum_mono_files import write_sequence
 
 from sips_lit.cli.app import CONF_DIR, build, register_resolvers
+from sips_lit.cli.arguments import as_typed
 from sips_lit.cli.data import how_to_use
 from sips_lit.cli.evaluation import CHOICE, MEASURED, PAIR_SET
 from sips_lit.cli.methods import make_methods
@@ -171,7 +172,7 @@ def test_names_of_frames_are_read_as_check_prints_them(tmp_path):
         build(composed("train", "data=folder", f"data.path={tmp_path}", "paths.run=x").data)
     _, command, *arguments = shlex.split(how_to_use(dataset))
     assert command == "sips-train"
-    (sequence,) = build(composed("train", *arguments, "paths.run=x").data)
+    (sequence,) = build(composed("train", *as_typed(arguments), "paths.run=x").data)
     assert {file.name.split(".")[1] for file in sequence.files} == {"color"}
 
 

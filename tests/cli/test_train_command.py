@@ -214,7 +214,7 @@ def test_other_files_beside_images(command, tmp_path):
 def test_a_video_without_frames(command, tmp_path):
     (tmp_path / "empty.mp4").write_bytes(b"")
     result = command("train", *TINY, "data=video", f"data.path={tmp_path}/empty.mp4")
-    assert f"{tmp_path}/empty.mp4 has no frames" in result.sentence
+    assert f"{tmp_path}/empty.mp4 is no video that can be read" in result.sentence
 
 
 def test_validation_data_of_its_own(command, frames, tmp_path):
@@ -393,7 +393,7 @@ def test_a_log_on_a_full_disk(command, frames, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full)
-    assert "the disk is full" in command("train", *given(frames)).sentence
+    assert "is full: free some space on it" in command("train", *given(frames)).sentence
 
 
 @pytest.mark.parametrize(

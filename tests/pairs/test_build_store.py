@@ -92,7 +92,7 @@ def test_a_write_that_fails_leaves_the_old_index(tmp_path, monkeypatch, owner, f
 
     monkeypatch.setattr(owner, function, full_disk)
     longer = OverlapIndex(np.ones(99, np.uint16), np.array([0, 99]), np.array([9]))
-    with pytest.raises(BadInputError, match=r"cannot write .*a\.npz \(No space left on device\)"):
+    with pytest.raises(BadInputError, match=r"cannot write .*a\.npz: the disk .* is full \(No space left on device\)"):
         save_index(path, longer, SIGNATURE)
     monkeypatch.undo()
     loaded = load_index(path, SIGNATURE)

@@ -19,12 +19,12 @@ import rgbd_files
 import robotcar_files
 import torch
 import tum_mono_files
-from sips_lit.baselines.feature_files import open_features
 from sips_lit.baselines.weights import fill, read_weights
 from sips_lit.export.safetensors import export_safetensors
 from textured_scenes import texture
 from tiny_network import save_lightning, tiny_network
 
+from sips_lit.baselines.precomputed import open_features
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.dataset_tools.check import check_sequence, check_video
 from sips_lit.dataset_tools.unpack import unpack

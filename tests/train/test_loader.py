@@ -182,7 +182,7 @@ def test_another_number_of_processes_goes_on_at_the_same_place(monkeypatch):
 
 
 def work(ready) -> None:
-    _quiet_worker(0)
+    _quiet_worker(True, 0)
     ready.set()
     time.sleep(30)
 
