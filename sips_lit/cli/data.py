@@ -66,7 +66,7 @@ def table(rows: Sequence[Mapping[str, str]]) -> str:
 def how_to_use(dataset: DataSet) -> str:
     """The command that trains on a data set, as it can be pasted into a shell."""
     spec = dataset.spec
-    options = [shlex.quote(f"data.{key}={_as_key(value)}") for key, value in dataset.options.items()]
+    options = [f"data.{key}={_as_key(value)}" for key, value in dataset.options.items()]
     inliers = [] if "klt" in spec.inliers else [f"inliers={spec.inliers[0]}"]
     path = path_argument("data.path", dataset.path)
     return "use: " + shlex.join(["sips-train", f"data={spec.kind}", path, *options, *inliers, *spec.keys])

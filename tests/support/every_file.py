@@ -19,11 +19,10 @@ import rgbd_files
 import robotcar_files
 import torch
 import tum_mono_files
-from sips_lit.baselines.weights import fill, read_weights
-from sips_lit.export.safetensors import export_safetensors
 from textured_scenes import texture
 from tiny_network import save_lightning, tiny_network
 
+from sips_lit.baselines.learned import fill, read_weights
 from sips_lit.baselines.precomputed import open_features
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.dataset_tools.check import check_sequence, check_video
@@ -36,7 +35,7 @@ from sips_lit.datasets.rgbd import rgbd
 from sips_lit.datasets.robotcar import robotcar
 from sips_lit.datasets.tum_mono import tum_mono
 from sips_lit.describe.sift import RootSift
-from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.selection import PointSelector
 from sips_lit.evaluate.features import FeatureCache, image_key
