@@ -154,8 +154,8 @@ def read_features(folder: Path, file: Path) -> None:
     for name in ("1.png", "2.png"):
         if files.has(PurePosixPath(name)):
             saved = files.read(PurePosixPath(name))
-            assert np.isfinite(saved.xy).all()
-            assert saved.score is None or np.isfinite(saved.score).all()
+            assert np.isfinite(saved.keypoints).all()
+            assert saved.scores is None or np.isfinite(saved.scores).all()
 
 
 def make_checkpoints(folder: Path) -> None:
