@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import re
 import uuid
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from sips_lit.errors import BadInputError
 
@@ -34,6 +38,16 @@ def write_whole(path: Path, content: bytes) -> None:
     except OSError as error:
         temporary.unlink(missing_ok=True)
         raise BadInputError(f"cannot write {path} ({error.strerror}): free some space, or write elsewhere") from error
+
+
+def write_csv(path: Path, rows: Iterable[Iterable[Any]]) -> None:
+    """Writes rows as CSV, whole or not at all: None as nothing, a float as the shortest text that reads back exactly.
+
+    Raises BadInputError when it cannot be written.
+    """
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    write_whole(path, text.getvalue().encode())
 
 
 def safe_name(name: str) -> str:
