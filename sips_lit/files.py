@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import codecs
 import contextlib
+import csv
 import errno
+import io
 import os
 import re
 import uuid
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sips_lit.errors import BadInputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from _typeshed import ReadableBuffer as Buffer
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # no space left, a quota used up
@@ -72,6 +76,16 @@ def read_text(path: Path) -> str:
     data = path.read_bytes()
     marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     return data.decode("utf-16" if marked else "utf-8-sig")
+
+
+def write_csv(path: Path, rows: Iterable[Iterable[Any]]) -> None:
+    """Writes rows as CSV, whole or not at all: None as nothing, a float as the shortest text that reads back exactly.
+
+    Raises BadInputError when it cannot be written.
+    """
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    write_whole(path, text.getvalue().encode())
 
 
 def safe_name(name: str) -> str:

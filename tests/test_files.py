@@ -1,3 +1,4 @@
+import csv
 import re
 import threading
 from pathlib import Path
@@ -5,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import disk_of, make_folder, write_whole
+from sips_lit.files import disk_of, make_folder, write_csv, write_whole
 
 
 def names(folder: Path) -> list[str]:
@@ -107,3 +108,12 @@ def test_folders_with_those_above_them(tmp_path):
     for path in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(BadInputError, match=r"cannot make the folder .*: choose another place"):
             make_folder(path)
+
+
+def test_a_table_reads_back(tmp_path):
+    rows = [("name", "a number", "nothing"), ('said "no", then left', 0.1 + 0.2, None), ("ü\nnew line", -1, "")]
+    write_csv(tmp_path / "table.csv", rows)
+    with (tmp_path / "table.csv").open(newline="", encoding="utf-8") as file:
+        read = list(csv.reader(file))
+    assert read == [[*rows[0]], [rows[1][0], "0.30000000000000004", ""], [rows[2][0], "-1", ""]]
+    assert float(read[1][1]) == rows[1][1]

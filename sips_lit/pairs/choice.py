@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Sequence
@@ -12,7 +10,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import make_folder, write_whole
+from sips_lit.files import make_folder, write_csv
 from sips_lit.frames.source import Source
 from sips_lit.pairs.build import build_indexes, require_readable
 from sips_lit.pairs.overlap import OverlapParameters
@@ -77,14 +75,12 @@ def choose_pairs(
 
 def write_pair_file(path: Path, sequences: Sequence[ImageSequence], pairs: Sequence[ListedPair]) -> None:
     """Writes a CSV with a row per pair: name of the sequence, both indices, overlap (empty where unknown)."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for pair in pairs:
-        overlap = "" if math.isnan(pair.overlap) else repr(pair.overlap)
-        writer.writerow([sequences[pair.sequence].name, pair.index0, pair.index1, overlap])
+    overlaps = [None if math.isnan(pair.overlap) else pair.overlap for pair in pairs]
+    rows = [
+        (sequences[p.sequence].name, p.index0, p.index1, overlap) for p, overlap in zip(pairs, overlaps, strict=True)
+    ]
     make_folder(path.parent)
-    write_whole(path, text.getvalue().encode())
+    write_csv(path, [COLUMNS, *rows])
 
 
 def read_pair_file(path: str | Path, sequences: Sequence[ImageSequence]) -> list[ListedPair]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import hashlib
-import io
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -18,7 +16,7 @@ import numpy as np
 from tqdm import tqdm
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import make_folder, write_whole
+from sips_lit.files import make_folder, write_csv, write_whole
 from sips_lit.frames.recording import Recording
 from sips_lit.pairs.build import measure, measuring_threads, stored_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
@@ -164,11 +162,8 @@ def write_table(folder: Path) -> Path:
         merged: dict[str, list[IndexedSequence]] = {}
         for path, _ in files:
             merged |= _read(path)
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(dataclasses.astuple(row) for name in sorted(merged) for row in merged[name])
-        write_whole(folder / TABLE, text.getvalue().encode())
+        rows = [dataclasses.astuple(row) for name in sorted(merged) for row in merged[name]]
+        write_csv(folder / TABLE, [COLUMNS, *rows])
         # else another machine wrote in between, and its table may be the one just replaced
         if _shares(folder) == files:
             return folder / TABLE

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -11,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from sips_lit.evaluate.result import MethodResult, PairSetResult
-from sips_lit.files import make_folder, safe_name, write_whole
+from sips_lit.files import make_folder, safe_name, write_csv
 from sips_lit.report.columns import columns_of
 from sips_lit.report.summary import main_budget, main_k, median_needed, over_repeats
 
@@ -86,10 +84,7 @@ def all_columns(method: MethodResult) -> Columns:
 
 
 def _write(path: Path, rows: Iterable[Iterable[Any]]) -> Path:
-    text = io.StringIO()
-    # None is written as nothing, a float as the shortest text that reads back exactly, inf and nan as such
-    csv.writer(text, lineterminator="\n").writerows(map(_without_decimals, row) for row in rows)
-    write_whole(path, text.getvalue().encode())
+    write_csv(path, (map(_without_decimals, row) for row in rows))  # inf and nan as such
     return path
 
 

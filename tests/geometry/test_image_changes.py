@@ -1,30 +1,15 @@
 import cv2
 import numpy as np
 import pytest
+from homographies import homographies, points
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from textured_scenes import texture
 
 from sips_lit.frames.images import resize_max_side
 from sips_lit.geometry.image_changes import flip_camera, flip_homography, flip_pose, resize_camera
 from sips_lit.geometry.projection import apply_homography, transfer
 from sips_lit.types import Camera
-
-SMALL = st.floats(-0.3, 0.3)
-homographies = st.builds(
-    lambda a, tx, ty, px, py, sign: (
-        sign * (np.array([[1 + a[0], a[1], tx], [a[2], 1 + a[3], ty], [px * 1e-3, py * 1e-3, 1]]))
-    ),
-    arrays(float, 4, elements=SMALL),
-    st.floats(-50, 50),
-    st.floats(-50, 50),
-    SMALL,
-    SMALL,
-    st.sampled_from([1.0, -2.5]),
-)
-points = arrays(float, (7, 2), elements=st.floats(0, 200))
-
 
 FLIPS = [(False, False), (True, False), (False, True), (True, True)]
 

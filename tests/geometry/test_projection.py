@@ -3,6 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from homographies import homographies, points
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -31,19 +32,6 @@ CAMERA0 = Camera(np.array([[400.0, 0, 320], [0, 410, 240], [0, 0, 1]]), (640, 48
 CAMERA1 = Camera(np.array([[300.0, 0, 200], [0, 290, 150], [0, 0, 1]]), (400, 300))
 STEREO = StereoMatcher(max_disparity=64)
 SCENE = StereoScene(3)
-SMALL = st.floats(-0.3, 0.3)
-homographies = st.builds(
-    lambda a, tx, ty, px, py, sign: (
-        sign * (np.array([[1 + a[0], a[1], tx], [a[2], 1 + a[3], ty], [px * 1e-3, py * 1e-3, 1]]))
-    ),
-    arrays(float, 4, elements=SMALL),
-    st.floats(-50, 50),
-    st.floats(-50, 50),
-    SMALL,
-    SMALL,
-    st.sampled_from([1.0, -2.5]),
-)
-points = arrays(float, (7, 2), elements=st.floats(0, 200))
 
 
 @pytest.mark.parametrize(
