@@ -109,11 +109,12 @@ class GracefulStop(Checkpoint):
             signal.raise_signal(self.requested)
 
     def on_exception(self, trainer: L.Trainer, pl_module: L.LightningModule, exception: BaseException) -> None:
-        """Gives the signals back, as there is no teardown after an exception; ends the processes that Lightning launched."""
-        heard = bool(self._previous)
-        self._give_back()
-        if heard and isinstance(exception, TrainingInterrupted):
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the program ends anyway, and schedulers send it twice
+        """Gives the signals back, as there is no teardown after an exception; ends the processes that Lightning launched.
+
+        After a stop it listens on: another SIGTERM must not end the cleaning up.
+        """
+        if not isinstance(exception, TrainingInterrupted):
+            self._give_back()
         processes = getattr(trainer.strategy.launcher, "procs", [])
         for process in processes:
             with contextlib.suppress(subprocess.TimeoutExpired):

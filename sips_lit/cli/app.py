@@ -149,7 +149,10 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
 
 @contextmanager
 def signals_heard() -> Iterator[None]:
-    """Makes SIGTERM an exit, which cleans up; gives the signals back as they were, whatever a training made of them."""
+    """Makes SIGTERM an exit, which cleans up; gives the signals back as they were, whatever a training made of them.
+
+    After a stop by a signal SIGTERM stays ignored: the program ends anyway, and schedulers send it twice.
+    """
     if threading.current_thread() is not threading.main_thread():  # only there can it be
         yield
         return
@@ -157,12 +160,17 @@ def signals_heard() -> Iterator[None]:
     signal.signal(signal.SIGTERM, _terminate)
     try:
         yield
+    except BaseException as error:
+        if isinstance(error, TrainingInterrupted) or (isinstance(error, SystemExit) and error.code == TERMINATED):
+            before[signal.SIGTERM] = signal.SIG_IGN
+        raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
+    signal.signal(number, signal.SIG_IGN)
     if HydraConfig.initialized() and HydraConfig.get().job.name.startswith("train_ddp_process_"):
         os.kill(os.getppid(), number)  # of several processes of a training: the one that launched this ends all
     else:

@@ -185,6 +185,14 @@ def test_the_signals_are_given_back(stop, how):
     assert signal.getsignal(signal.SIGINT) == handler
 
 
+def test_a_stop_is_not_disturbed_by_another_sigterm(stop):
+    stop.requested = signal.SIGTERM
+    stop.on_exception(Trainer(), None, TrainingInterrupted("stopped", signal.SIGTERM))
+    os.kill(os.getpid(), signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_that_came_too_late_is_passed_on(stop, number):
     passed = []

@@ -1,6 +1,8 @@
 import errno
 import os
 import shutil
+import signal
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +12,7 @@ from omegaconf.errors import MissingMandatoryValue
 
 from sips_lit.cli.app import (
     CONF_DIR,
+    errors_explained,
     explain,
     run,
     typed,
@@ -90,6 +93,57 @@ def test_an_interrupted_fit_ends_as_interrupted(folders, monkeypatch):
     with pytest.raises(SystemExit) as stop:
         run("index", task)
     assert stop.value.code == 130
+
+
+@pytest.fixture
+def sigterm():
+    """Its handler is given back; a signal that nobody handles would end the tests."""
+    before = signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+def test_sigterm_ends_a_command_and_another_does_not_disturb_the_cleaning_up(sigterm):
+    cleaned = []
+
+    def command():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)
+            cleaned.append("all")
+
+    with pytest.raises(SystemExit) as stop, errors_explained():
+        command()
+    os.kill(os.getpid(), signal.SIGTERM)
+    assert stop.value.code == 143
+    assert cleaned == ["all"]
+
+
+def test_sigterm_after_a_stopped_training_does_not_disturb_the_end(sigterm):
+    with pytest.raises(SystemExit) as stop, errors_explained():
+        raise TrainingInterrupted("stopped at step 3", signal.SIGTERM)
+    os.kill(os.getpid(), signal.SIGTERM)
+    assert stop.value.code == 143
+
+
+def test_a_command_gives_sigterm_back(sigterm):
+    with errors_explained():
+        assert signal.getsignal(signal.SIGTERM) != signal.SIG_DFL
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+@pytest.mark.parametrize(("error", "printed"), [(OSError("full"), False), (ValueError("a defect"), True)])
+def test_a_thread_that_cannot_write_prints_no_traceback(monkeypatch, capsys, error, printed):
+    def fail():
+        raise error
+
+    monkeypatch.setattr(threading, "excepthook", threading.excepthook)
+    with errors_explained():
+        thread = threading.Thread(target=fail)
+        thread.start()
+        thread.join()
+    assert ("Traceback" in capsys.readouterr().err) == printed
 
 
 def test_a_defect_keeps_its_traceback(folders, monkeypatch, capsys):

@@ -345,7 +345,7 @@ def test_a_record_names_the_keys_that_a_user_sets(tmp_path, frames):
     trainer = type("Trainer", (), {"num_nodes": 2, "num_devices": 3})
     data = type("Data", (), {"data_digest": lambda self: "abc"})()
     record = record_of(config, data, trainer)
-    assert record["told"] == {"data.path": str(frames), "trainer.max_steps": 2}
+    assert record["told"] == {"data.path": str(frames), "data.names": None, "trainer.max_steps": 2}
     expected = {"seed": 0, "k": 10, "n_max": 60, "model.width": 4, "optim.optimizer.lr": 1e-3, "processes": 6}
     assert expected.items() <= record["identity"].items()
     assert record["identity"]["frames"] == "abc"
