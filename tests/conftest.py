@@ -4,8 +4,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import torch
 from own_dataset import write_package
 from textured_scenes import ArraySequence, flight
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread() -> None:
+    """Networks this small lose time to threads, and the tests run in two processes."""
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

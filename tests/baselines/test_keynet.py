@@ -7,8 +7,6 @@ from random_weights import weights_file
 from sips_lit.baselines.keynet import KeyNet
 from sips_lit.errors import BadInputError
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 
 @pytest.fixture
 def detector(tmp_path):

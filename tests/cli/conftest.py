@@ -20,15 +20,6 @@ from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 
 
-@pytest.fixture(scope="session", autouse=True)
-def one_thread():
-    """Networks this small lose time to threads."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
 @pytest.fixture(scope="session")
 def frames(tmp_path_factory) -> Path:
     """A folder of 16 images, 128 x 96."""
