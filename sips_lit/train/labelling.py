@@ -23,8 +23,11 @@ def label_pair(
     check: InlierCheck,
     parallel: Map = map,
     parts: int = 1,
-) -> tuple[PointLabels, PointLabels]:
-    """Labels of the points of both images. ``parallel`` may run up to ``parts`` calls at once; the labels don't change."""
+) -> tuple[PointLabels, PointLabels, Matches]:
+    """Labels of the points of both images, and the matches that are inliers.
+
+    ``parallel`` may run up to ``parts`` calls at once; the labels don't change.
+    """
     described0, described1 = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
     features0 = Features(keypoints0, described0, descriptor.norm)
     features1 = Features(keypoints1, described1, descriptor.norm)
@@ -33,6 +36,7 @@ def label_pair(
     return (
         point_labels(inliers, matches.index0, inliers.known0),
         point_labels(inliers, matches.index1, inliers.known1),
+        Matches(matches.index0[inliers.inlier], matches.index1[inliers.inlier]),
     )
 
 

@@ -25,14 +25,14 @@ from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedPairs, unpack
 from sips_lit.train.labelling import label_pair
-from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
+from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints, Matches
 
 LOADING_TIMEOUT = 120.0  # seconds
 
 
 @dataclass(frozen=True, slots=True)
 class LabelledPair:
-    """What a training step needs: both images (1, 1, H, W) float, their points and labels, where the pair is from.
+    """What a training step needs: both images (1, 1, H, W) float, points, labels, inlier matches, where the pair is from.
 
     ``skipped``: how many pairs the run left out so far because they can't be read.
     """
@@ -43,6 +43,7 @@ class LabelledPair:
     points1: SelectedPoints
     labels0: PointLabels
     labels1: PointLabels
+    inliers: Matches
     source: int
     name: str
     skipped: int = 0

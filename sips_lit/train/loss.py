@@ -17,6 +17,14 @@ def inlierness_loss(logits: Tensor, inlier: Tensor, known: Tensor) -> Tensor:
     return (losses * known).sum()
 
 
+def consistency_loss(logits0: Tensor, logits1: Tensor, beta: float = 0.5) -> Tensor:
+    """Sum of the smooth L1 distances of logits (M,) of both points of M inlier matches, quadratic below ``beta`` (ours).
+
+    Points of one place of the scene shall rank alike in every image: a match counts only where both are selected.
+    """
+    return F.smooth_l1_loss(logits0, logits1, reduction="sum", beta=beta)
+
+
 def constant_loss(rate: float) -> float:
     """Mean loss of always predicting the fraction ``rate`` of the points that are inliers: their entropy in nats."""
     return sum(-p * math.log(p) for p in (rate, 1 - rate) if p > 0)

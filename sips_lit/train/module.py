@@ -21,7 +21,7 @@ from sips_lit.inliers.verification import verify
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.dataset import unpack
 from sips_lit.train.loader import LabelledPair
-from sips_lit.train.loss import constant_loss, inlierness_loss
+from sips_lit.train.loss import consistency_loss, constant_loss, inlierness_loss
 from sips_lit.types import Features, GreyImage, Reason
 
 
@@ -29,7 +29,8 @@ class SipsModule(L.LightningModule):
     """Trains a score network on labelled pairs; a step is one pair.
 
     ``optimizer`` makes an optimiser of the parameters; ``scheduler``, if any, a schedule of the optimiser and the number of
-    steps (``T_max``). ``points``: how many are selected in each image; ``gradient``: see `ScoreNetwork.at`.
+    steps (``T_max``). ``points``: how many are selected in each image; ``consistency``: weight of `consistency_loss`, added
+    to the inlierness loss (0: the paper's loss); ``gradient``: see `ScoreNetwork.at`.
     """
 
     def __init__(
@@ -39,12 +40,13 @@ class SipsModule(L.LightningModule):
         optimizer: Callable[..., Optimizer],
         scheduler: Callable[..., LRScheduler] | None = None,
         points: int = 500,
+        consistency: float = 0.3,
         gradient: Gradient = "patches",
     ) -> None:
         super().__init__()
         self.network, self.selector = network, selector
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
-        self.points, self.gradient = points, gradient
+        self.points, self.consistency, self.gradient = points, consistency, gradient
         self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)}, logger=False)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -58,15 +60,20 @@ class SipsModule(L.LightningModule):
             return self.selector.select(self.network, image_tensor(image, self.device), self.points)
 
     def training_step(self, pair: LabelledPair, batch_idx: int) -> Tensor:
-        """Summed loss over the points of both images."""
+        """Summed loss over the points of both images, and over their matches."""
         sides = (pair.image0, pair.points0, pair.labels0), (pair.image1, pair.points1, pair.labels1)
+        logits = [logits_at(self.network, image, points, self.gradient) for image, points, _ in sides]
         loss = torch.zeros((), device=self.device)
-        for image, points, labels in sides:
-            logits = logits_at(self.network, image, points, self.gradient)
-            inlier, known = (torch.from_numpy(a).to(logits.device) for a in (labels.inlier, labels.known))
-            loss = loss + inlierness_loss(logits, inlier, known)
+        for of_side, (_, _, labels) in zip(logits, sides, strict=True):
+            inlier, known = (torch.from_numpy(a).to(of_side.device) for a in (labels.inlier, labels.known))
+            loss = loss + inlierness_loss(of_side, inlier, known)
         self._log_labels(pair, loss)
-        return loss
+        index0, index1 = (
+            torch.from_numpy(index).to(self.device) for index in (pair.inliers.index0, pair.inliers.index1)
+        )
+        difference = consistency_loss(logits[0][index0], logits[1][index1])
+        self.log("train/consistency", difference.detach() / max(1, len(index0)), batch_size=1)
+        return loss + self.consistency * difference
 
     def _log_labels(self, pair: LabelledPair, loss: Tensor) -> None:
         known = np.concatenate([pair.labels0.known, pair.labels1.known])

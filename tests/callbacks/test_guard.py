@@ -12,7 +12,9 @@ from sips_lit.detect.selection import SelectedPoints
 from sips_lit.errors import BadInputError, TrainingInterrupted
 from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.train.loader import LabelledPair
-from sips_lit.types import Keypoints
+from sips_lit.types import Keypoints, Matches
+
+NO_MATCHES = Matches(np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
 class Trainer(SimpleNamespace):
@@ -38,7 +40,7 @@ def labelled(n: int) -> LabelledPair:
     )
     labels = PointLabels(np.ones(n, bool), np.ones(n, bool), np.zeros(n, np.uint8))
     image = torch.full((1, 1, 6, 8), 5.0)
-    return LabelledPair(image, image + 1, points, points, labels, labels, 0, "city:3-9")
+    return LabelledPair(image, image + 1, points, points, labels, labels, NO_MATCHES, 0, "city:3-9")
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])

@@ -9,7 +9,9 @@ from sips_lit.detect.selection import SelectedPoints, image_tensor
 from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.train.loader import LabelledPair
-from sips_lit.types import Keypoints, Reason
+from sips_lit.types import Keypoints, Matches, Reason
+
+NO_MATCHES = Matches(np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
 def labelled(points: int, *reasons: Reason) -> LabelledPair:
@@ -20,7 +22,7 @@ def labelled(points: int, *reasons: Reason) -> LabelledPair:
     selected = SelectedPoints(Keypoints(np.zeros((points, 2), np.float32), one, one), zeros, zeros, zeros)
     labels = PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason)
     image = image_tensor(np.zeros((4, 4), np.uint8))
-    return LabelledPair(image, image, selected, selected, labels, labels, 0, "pair")
+    return LabelledPair(image, image, selected, selected, labels, labels, NO_MATCHES, 0, "pair")
 
 
 def train(callback: Prospects, *pairs: LabelledPair) -> None:

@@ -4,7 +4,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sips_lit.train.loss import constant_loss, inlierness_loss
+from sips_lit.train.loss import consistency_loss, constant_loss, inlierness_loss
 
 POINTS = st.lists(st.tuples(st.floats(-12, 12), st.booleans(), st.booleans()), max_size=20)
 
@@ -59,3 +59,11 @@ def test_no_constant_prediction_is_better_than_the_rate(rate):
     tried = torch.linspace(-20, 20, 4001, dtype=torch.float64)
     best = min(float(inlierness_loss(logit.expand(100), inlier, known)) / 100 for logit in tried)
     assert constant_loss(rate) == pytest.approx(best, abs=1e-5)
+
+
+@given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), max_size=20))
+@settings(max_examples=80, deadline=None)
+def test_consistency_grows_with_the_square_of_a_small_difference_and_then_as_it(logits):
+    expected = sum((a - b) ** 2 if abs(a - b) < 0.5 else abs(a - b) - 0.25 for a, b in logits)
+    first, second = (torch.tensor([pair[side] for pair in logits], dtype=torch.float64) for side in (0, 1))
+    assert float(consistency_loss(first, second)) == pytest.approx(expected, abs=1e-9)

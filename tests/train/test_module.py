@@ -15,7 +15,7 @@ from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.train.loader import LabelledPair
 from sips_lit.train.module import SipsModule
-from sips_lit.types import Keypoints, Reason
+from sips_lit.types import Keypoints, Matches, Reason
 
 
 def side(rows, columns, reasons) -> tuple[SelectedPoints, PointLabels]:
@@ -26,9 +26,10 @@ def side(rows, columns, reasons) -> tuple[SelectedPoints, PointLabels]:
     return points, PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason)
 
 
-def hand_made(side0, side1) -> LabelledPair:
+def hand_made(side0, side1, index0=(), index1=()) -> LabelledPair:
     images = image_tensor(texture(40, 50)), image_tensor(texture(36, 44, 1))
-    return LabelledPair(*images, side0[0], side1[0], side0[1], side1[1], 0, "hand")
+    inliers = Matches(np.array(index0, np.int64), np.array(index1, np.int64))
+    return LabelledPair(*images, side0[0], side1[0], side0[1], side1[1], inliers, 0, "hand")
 
 
 class Logged(dict):
@@ -67,6 +68,22 @@ def test_the_loss_is_its_plain_definition(gradient):
     assert logged["train/points"] == 6  # those whose truth is unknown were selected, too
     assert logged["labels/inlier"] == logged["inlier_rate/city"] == pytest.approx(2 / 5)
     assert logged["labels/unmatched"] == logged["labels/lost"] == logged["labels/far"] == pytest.approx(1 / 5)
+
+
+@pytest.mark.parametrize("gradient", ["patches", "dense"])
+@pytest.mark.parametrize("weight", [0, 0.3, 2])
+def test_the_loss_adds_the_difference_of_the_logits_of_matched_points(gradient, weight):
+    module = make_module(gradient=gradient, consistency=weight)
+    Logged(module)
+    sides = side([3, 20, 39], [4, 30, 49], [GOOD, ALONE, GOOD]), side([10, 35, 8], [43, 0, 9], [LOST, GOOD, GOOD])
+    pair = hand_made(*sides, [0, 2], [2, 1])
+    loss = module.training_step(pair, 0)
+
+    without = module.training_step(hand_made(*sides), 0)
+    logits0, logits1 = (module(image)[0, 0].detach().double() for image in (pair.image0, pair.image1))
+    differences = [abs(logits0[3, 4] - logits1[8, 9]), abs(logits0[39, 49] - logits1[35, 0])]
+    expected = sum(d - 0.25 if d > 0.5 else d**2 for d in differences)
+    assert float((loss - without).detach()) == pytest.approx(weight * float(expected), rel=1e-3, abs=1e-5)
 
 
 def test_the_gradient_moves_inliers_up_and_others_down():
