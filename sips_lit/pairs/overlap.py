@@ -15,8 +15,9 @@ from sips_lit.geometry.projection import apply_homography
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import GreyImage, ImageSequence
 
-VERSION = 3
+VERSION = 4
 MIN_TEXTURE = 1e-5
+USUAL_BEST = 95  # percentile of the cells: the texture of a good corner, whatever the strongest edge of light is
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +25,15 @@ class OverlapParameters:
     """How overlap is measured.
 
     ``spacing``: pixels between the points that are tracked (one per cell of a grid, replenished in every frame);
+    ``quality``: only corners are, with at least this fraction of the texture of a good corner of the frame, as a detector
+    could choose them: a place on the road or in the sky is not lost from view when its track is lost;
     ``max_span``: frames after which a track is given up, which bounds the memory for a camera that stands still;
     ``cut_survival``: where less than this fraction of the points survives one step, the shot was cut and all end there.
     """
 
     tracker: KltTracker = field(default_factory=KltTracker)
     spacing: int = 16
+    quality: float = 0.03
     max_span: int = 200
     cut_survival: float = 0.15
 
@@ -196,7 +200,7 @@ def _track_all(
             else:
                 finished.append(open_rows.pop(row))
         if image is not None:
-            fresh = _replenish(image, xy, parameters.spacing)
+            fresh = _replenish(image, xy, parameters)
             xy, born = np.concatenate([xy, fresh]), np.concatenate([born, np.full(len(fresh), index)])
         open_rows[index] = []
         if index == length - 1:
@@ -205,13 +209,13 @@ def _track_all(
         yield len(xy), finished
 
 
-def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArray[np.float32]:
-    """New points (M, 2): the best-textured pixel of each grid cell without a point, not close to any other point.
+def _replenish(image: GreyImage, xy: NDArray[np.float32], parameters: OverlapParameters) -> NDArray[np.float32]:
+    """New points (M, 2): the best-textured pixel of each grid cell with a corner but no point, not close to any other point.
 
     Texture is the smaller eigenvalue of the structure tensor, at half resolution: KLT refines the place anyway.
     """
     half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    block = max(1, spacing // 4)  # a cell is 2 x 2 blocks of the half-size image
+    block = max(1, parameters.spacing // 4)  # a cell is 2 x 2 blocks of the half-size image
     rows, columns = half.shape[0] // (2 * block), half.shape[1] // (2 * block)
     if not rows or not columns:
         return np.zeros((0, 2), np.float32)
@@ -221,10 +225,12 @@ def _replenish(image: GreyImage, xy: NDArray[np.float32], spacing: int) -> NDArr
     near[taken[:, 1], taken[:, 0]] = 1
     free = cv2.dilate(near, np.ones((3, 3), np.uint8)) == 0
     texture = cv2.cornerMinEigenVal(half, 3)[: 2 * block * rows, : 2 * block * columns]
+    strongest = texture.reshape(rows, 2 * block, columns, 2 * block).max((1, 3))
+    enough = max(MIN_TEXTURE, parameters.quality * float(np.percentile(strongest, USUAL_BEST)))
     texture = texture.reshape(2 * rows, block, 2 * columns, block) * free[:, None, :, None]
     cells = texture.reshape(rows, 2 * block, columns, 2 * block).swapaxes(1, 2).reshape(rows, columns, -1)
     best = cells.argmax(2)
-    row, column = np.nonzero(cells.max(2) > MIN_TEXTURE)
+    row, column = np.nonzero(cells.max(2) > enough)
     inside = best[row, column]
     y, x = row * 2 * block + inside // (2 * block), column * 2 * block + inside % (2 * block)
     return np.stack([2 * x + 0.5, 2 * y + 0.5], 1).astype(np.float32)

@@ -32,7 +32,7 @@ def slow_overlap(sequence: ArraySequence, parameters: OverlapParameters) -> tupl
             if unbroken and survivors and index - earlier <= parameters.max_span:
                 rows[earlier].append(survivors)
         xy = np.array(list(places.values()), np.float32).reshape(-1, 2)
-        for place in _replenish(sequence.frames[index], xy, parameters.spacing):
+        for place in _replenish(sequence.frames[index], xy, parameters):
             places[born] = place
             born += 1
         members.append(set(places))
@@ -161,7 +161,7 @@ def test_new_points_keep_away_from_the_others_and_from_flat_places():
     image = texture(96, 128)
     image[:, 64:] = 77
     taken = np.array([[10.2, 11.8], [40, 50]], np.float32)
-    fresh = _replenish(image, taken, 16)
+    fresh = _replenish(image, taken, OverlapParameters())
     assert 6 < len(fresh) <= 4 * 6 + 6  # cells of the textured half, and those at its edge
     assert fresh[:, 0].max() < 68
     assert np.abs(fresh[:, None] - taken[None]).max(2).min() >= 4
@@ -169,9 +169,23 @@ def test_new_points_keep_away_from_the_others_and_from_flat_places():
         assert cell not in {(int(y // 16), int(x // 16)) for x, y in fresh}
 
 
+@pytest.mark.parametrize("contrast", [1, 0.5])
+def test_only_corners_are_tracked(contrast):
+    """A weak texture, as that of a road, and a straight edge, which slides, are no corners, however dark the video is."""
+    image = texture(96, 192).astype(np.float32)
+    image[:, 64:] = 128 + (image[:, 64:] - 128) / 12
+    image[:, 128:] = np.where(np.arange(64) < 32, 90, 160)
+    image = (image * contrast).astype(np.uint8)
+    nothing = np.zeros((0, 2), np.float32)
+    corners, all_places = (_replenish(image, nothing, OverlapParameters(quality=q)) for q in (0.03, 0))
+    assert len(all_places) > 40
+    assert corners[:, 0].max() < 68
+    assert len(corners) > 16
+
+
 @pytest.mark.parametrize("shape", [(2, 2), (5, 40), (15, 15)])
 def test_images_smaller_than_a_cell(shape):
-    assert _replenish(texture(*shape), np.zeros((0, 2), np.float32), 16).shape == (0, 2)
+    assert _replenish(texture(*shape), np.zeros((0, 2), np.float32), OverlapParameters()).shape == (0, 2)
 
 
 def test_signature_changes_with_everything_that_matters():
@@ -179,6 +193,7 @@ def test_signature_changes_with_everything_that_matters():
     base = OverlapParameters().signature(sequence)
     changed = [
         OverlapParameters(spacing=17).signature(sequence),
+        OverlapParameters(quality=0.1).signature(sequence),
         OverlapParameters(max_span=9).signature(sequence),
         OverlapParameters(cut_survival=0.2).signature(sequence),
         OverlapParameters(tracker=KltTracker(window=11)).signature(sequence),
