@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.files import make_folder, write_csv
 from sips_lit.frames.source import Source
 from sips_lit.pairs.build import build_indexes, require_readable
@@ -43,9 +43,9 @@ def choose_pairs(
 ) -> list[ListedPair]:
     """The pairs of a pair set; sequences are counted through all sources.
 
-    ``pairs_file`` wins over everything else. Otherwise ``random``: ``pairs`` different pairs (fewer, if there are not so
-    many) of at least ``overlap``, fixed by ``seed``; ``first_to_others``: the first frame of each sequence with each of
-    its others (HPatches). Raises BadInputError for impossible numbers when no pair reaches the overlap, and
+    ``pairs_file`` wins over everything else. Otherwise ``random``: ``pairs`` different pairs of at least ``overlap``, fixed
+    by ``seed`` (fewer, with a warning, where there are not so many); ``first_to_others``: the first frame of each sequence
+    with each of its others (HPatches). Raises BadInputError for impossible numbers, when no pair reaches the overlap, and
     when a frame can't be read.
     """
     sequences = [sequence for source in sources for sequence in source.sequences]
@@ -70,6 +70,8 @@ def choose_pairs(
         early, late = sorted((choice.index0, choice.index1))
         share = float(indexes[position].overlap(early)[late - early - 1])
         listed.append(ListedPair(position, choice.index0, choice.index1, share))
+    if len(listed) < pairs:
+        warn_input(f"{pairs} pairs are asked for, and only {len(listed)} different ones overlap by {overlap:g}")
     return listed
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +47,7 @@ class PairSampler:
         eligible = [np.flatnonzero(index.reach(overlap)) for index in indexes]
         self._sequence = np.repeat(np.arange(len(indexes)), [len(frames) for frames in eligible])
         self._frame = np.concatenate([*eligible, np.zeros(0, np.int64)])
+        self.pair_count = sum(int(index.reach(overlap).sum()) for index in indexes)
         if not len(self._frame):
             best = max(
                 (float(index.overlap(i).max(initial=0)) for index in indexes for i in range(len(index))), default=0
@@ -66,6 +67,12 @@ class PairSampler:
         if generator.random() < 0.5:
             first, second = second, first
         return PairChoice(sequence, first, second)
+
+    def all_pairs(self) -> Iterator[PairChoice]:
+        """Each pair once, the earlier frame first."""
+        for sequence, first in zip(self._sequence.tolist(), self._frame.tolist(), strict=True):
+            for second in self.indexes[sequence].partners(first, self.overlap).tolist():
+                yield PairChoice(sequence, first, second)
 
 
 class SourceSampler:
@@ -96,15 +103,26 @@ class SourceSampler:
     def fixed(
         self, count: int, usable: Callable[[int, PairChoice], bool] = lambda source, choice: True
     ) -> list[tuple[int, PairChoice]]:
-        """``count`` different ``usable`` pairs (fewer if there are not so many), always the same for a seed."""
-        chosen: dict[tuple[int, PairChoice], bool] = {}
-        for index in range(20 * count):  # draws repeat: stop looking after many
-            drawn = self.draw(0, index)
-            if drawn not in chosen:
-                chosen[drawn] = usable(*drawn)
-            if sum(chosen.values()) == count:
+        """``count`` different ``usable`` pairs (fewer if there are not so many), always the same for a seed.
+
+        Frames i and j are one pair, whichever comes first in it.
+        """
+        asked: set[tuple[int, int, int, int]] = set()
+        chosen: list[tuple[int, PairChoice]] = []
+        draws = 20 * count  # they repeat: after so many the pairs that are left are looked for one by one
+        drawn = (self.draw(0, index) for index in range(draws))
+        rest = self._all() if sum(sampler.pair_count for sampler in self.samplers) <= draws else ()
+        for at, choice in itertools.chain(drawn, rest):
+            if len(chosen) == count:
                 break
-        return [drawn for drawn, used in chosen.items() if used]
+            pair = at, choice.sequence, *sorted((choice.index0, choice.index1))
+            if pair not in asked:
+                asked.add(pair)
+                chosen += [(at, choice)] if usable(at, choice) else []
+        return chosen
+
+    def _all(self) -> Iterator[tuple[int, PairChoice]]:
+        return ((at, choice) for at, sampler in enumerate(self.samplers) for choice in sampler.all_pairs())
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import torch
 from lightning.pytorch.utilities import rank_zero_only
 from torch.utils.data import DataLoader, DistributedSampler
 
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.source import Source, as_sources, split_tail
 from sips_lit.pairs.build import build_indexes, unreadable_frames
 from sips_lit.pairs.overlap import OverlapParameters
@@ -102,6 +102,11 @@ class PairDataModule(L.LightningDataModule):
         warn_unreadable("validation pairs", unreadable)
         if not self.val_choices:
             raise BadInputError(f"no validation pair can be read; the first: {unreadable[0]}")
+        if len(self.val_choices) < self.val_pairs:
+            warn_input(
+                f"{self.val_pairs} validation pairs are asked for, and only {len(self.val_choices)} different ones "
+                f"overlap by {self.overlap:g}"
+            )
 
     def _sampler(self, sources: list[Source]) -> SourceSampler:
         sequences = [sequence for source in sources for sequence in source.sequences]

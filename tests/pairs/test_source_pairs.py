@@ -49,8 +49,17 @@ def test_fixed_pairs_are_different_and_stable():
     assert len(set(chosen)) == len(chosen) == 20
     assert sampler_of(sources()).fixed(20) == chosen
     assert sampler_of(sources()).fixed(5) == chosen[:5]
+
+
+def test_all_pairs_are_fixed_where_there_are_not_more_and_their_order_makes_no_other_pair():
     few = sampler_of([Source([flight(3)])]).fixed(50)
-    assert {choice for _, choice in few} == {PairChoice(0, i, j) for i in range(3) for j in range(3) if i != j}
+    assert sorted(sorted((choice.index0, choice.index1)) for _, choice in few) == [[0, 1], [0, 2], [1, 2]]
+    frames = 5, 4, 6  # of the sequences of both sources
+    everything = sum(n * (n - 1) // 2 for n in frames)
+    for count in (everything - 1, everything, everything + 1):
+        assert len(sampler_of(sources()).fixed(count)) == min(count, everything)
+    directions = [choice.index0 < choice.index1 for _, choice in sampler_of(sources()).fixed(everything)]
+    assert 0 < sum(directions) < everything
 
 
 def test_fixed_pairs_are_unaugmented_and_the_same_every_time():
@@ -86,7 +95,7 @@ def test_only_usable_pairs_are_fixed_and_each_is_asked_once():
     chosen = sampler_of(sources()).fixed(8, near)
     assert len(chosen) == 8
     assert all(abs(choice.index0 - choice.index1) == 1 for _, choice in chosen)
-    assert len(asked) == len(set(asked))
+    assert len({(at, c.sequence, frozenset((c.index0, c.index1))) for at, c in asked}) == len(asked)
     assert sampler_of(sources()).fixed(8, lambda source, choice: False) == []
 
 

@@ -49,9 +49,9 @@ def test_no_pair_reaches_across_an_unreadable_frame(tmp_path, capsys):
 
 def test_validation_pairs_that_the_index_did_not_see_are_tried(tmp_path, capsys):
     # the overlap of planar scenes is known without reading their frames
-    data = ready(module(tmp_path, [damaged((19,), planar=True)], inliers=HomographyInliers(), val_pairs=20))
+    data = ready(module(tmp_path, [damaged((19,), planar=True)], inliers=HomographyInliers(), val_pairs=15))
     validated = [unpack(packed).pair for packed in data.val_dataloader()]
-    assert len(validated) == 20
+    assert len(validated) == 15  # of the six frames that can be read
     assert not [pair for pair in validated if 19 - 17 in (pair.index0, pair.index1)]
     assert re.search(
         r"validation pairs can't be read and are left out \(\d+\); the first: 19\.png", capsys.readouterr().err
