@@ -28,7 +28,7 @@ from sips_lit.frames.video_file import VideoFile, VideoFrame
 from sips_lit.progress import progress
 from sips_lit.types import GreyImage, ImageSequence
 
-VERSION = 2
+VERSION = 3
 SHAPE_TOLERANCE = 0.02  # sizes whose sides have ratios within this differ in scale only
 SPARE_BYTES = 200_000_000  # left free on the disk
 

@@ -49,6 +49,15 @@ def test_no_cut_in_a_fast_pan(pixels: int):
     assert find_cuts(scene(0, 6, (pixels, 5))) == []  # up to a sixth of the width a frame
 
 
+@pytest.mark.parametrize("degrees", [30, 100])
+def test_no_cut_in_a_fast_turn(degrees: int):
+    plane = texture(900, 900, 5)
+    turns = [cv2.getRotationMatrix2D((450, 450), degrees * i, 1) for i in range(5)]
+    frames = [cv2.warpAffine(plane, turn, (900, 900))[330:570, 290:610] for turn in turns]
+    assert find_cuts(frames) == []
+    assert find_cuts(frames + scene(1)) == [5]
+
+
 def test_no_cut_at_a_flash():
     frames = scene(0, 9)
     frames[4] = brighter(frames[4], 1.6, 40)
