@@ -108,7 +108,13 @@ def save_index(path: Path, index: OverlapIndex, signature: Mapping[str, Any]) ->
     content, text = io.BytesIO(), np.array(json.dumps(signature, sort_keys=True))
     why = np.array(json.dumps({str(frame): reason for frame, reason in index.unreadable.items()}))
     np.savez(
-        content, survivors=index.survivors, offsets=index.offsets, points=index.points, unreadable=why, signature=text
+        content,
+        survivors=index.survivors,
+        motion=index.motion,
+        offsets=index.offsets,
+        points=index.points,
+        unreadable=why,
+        signature=text,
     )
     make_folder(path.parent)
     write_whole(path, content.getvalue())
@@ -121,7 +127,8 @@ def load_index(path: Path, signature: Mapping[str, Any]) -> OverlapIndex | None:
             if json.loads(str(stored["signature"])) != json.loads(json.dumps(signature)):
                 return None
             unreadable = {int(frame): why for frame, why in json.loads(str(stored["unreadable"])).items()}
-            return OverlapIndex(stored["survivors"], stored["offsets"], stored["points"], unreadable)
+            tables = {name: stored[name] for name in ("survivors", "motion", "offsets", "points")}
+            return OverlapIndex(**tables, unreadable=unreadable)
     except Exception:  # a damaged zip file can raise almost anything, and an index can always be measured again
         return None
 

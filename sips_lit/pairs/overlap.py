@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 from sips_lit.geometry.projection import apply_homography
+from sips_lit.pairs.motion import as_complex, motion_of
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import GreyImage, ImageSequence
 
-VERSION = 4
+VERSION = 5
 MIN_TEXTURE = 1e-5
+MOTION_TRACKS = 128  # of which the motion is measured, at most twice as many
 USUAL_BEST = 95  # percentile of the cells: the texture of a good corner, whatever the strongest edge of light is
 
 
@@ -49,11 +51,14 @@ class OverlapIndex:
 
     Row i of the table is ``survivors[offsets[i]:offsets[i + 1]]``: how many of the ``points[i]`` points of frame i are still
     tracked in frames i + 1, i + 2, ...; it never grows along a row, unless the order of the frames means nothing.
+    ``motion`` (P, 3), row by row like the table: how these points moved, by the median distance in pixels, and by the turn
+    in degrees and the binary logarithm of the zoom of the similarity that fits them best (least squares).
     ``unreadable`` tells of each frame that can't be read, why: it has no points, and no row goes on beyond it where
     frames have an order.
     """
 
     survivors: NDArray[np.uint16]
+    motion: NDArray[np.float16]
     offsets: NDArray[np.int64]
     points: NDArray[np.int64]
     unreadable: Mapping[int, str] = field(default_factory=dict)
@@ -65,6 +70,10 @@ class OverlapIndex:
         """Overlap of frame ``index`` with frames index + 1, index + 2, ...; zero beyond the end."""
         row = self.survivors[self.offsets[index] : self.offsets[index + 1]]
         return np.asarray(row / max(1, self.points[index]), np.float64)
+
+    def motion_to(self, index: int) -> NDArray[np.float16]:
+        """``motion`` (F, 3) from frame ``index`` to frames index + 1, index + 2, ..., as far as `overlap` is not zero."""
+        return self.motion[self.offsets[index] : self.offsets[index + 1]]
 
     def reach(self, overlap: float) -> NDArray[np.int64]:
         """For each frame (N,) how many later frames still have at least this overlap."""
@@ -82,9 +91,13 @@ class OverlapIndex:
         if stop - start == len(self):
             return self
         ends = np.minimum(self.offsets[start + 1 : stop + 1], self.offsets[start:stop] + np.arange(stop - start)[::-1])
-        rows = [self.survivors[a:b] for a, b in zip(self.offsets[start:stop], ends, strict=True)]
+        rows = [(self.survivors[a:b], self.motion[a:b]) for a, b in zip(self.offsets[start:stop], ends, strict=True)]
         unreadable = {index - start: why for index, why in self.unreadable.items() if start <= index < stop}
         return _as_index(rows, self.points[start:stop], unreadable)
+
+
+Row = tuple[NDArray[np.uint16], NDArray[np.float16]]
+NO_ROW: Row = np.zeros(0, np.uint16), np.zeros((0, 3), np.float16)
 
 
 def measure_overlap(
@@ -93,12 +106,12 @@ def measure_overlap(
     """Index of a sequence: by KLT in one pass over its frames, or by geometry where it knows its homographies.
 
     A frame that can't be read is a break in the sequence. Raises BadInputError when at least half of them can't.
-    Only two frames are held at a time; what grows with the video is the index itself, by at most 2 ``max_span`` bytes a
+    Only two frames are held at a time; what grows with the video is the index itself, by at most 8 ``max_span`` bytes a
     frame.
     """
     planar = len(sequence) > 1 and sequence.homography(0, 1) is not None
     points: list[int] = []
-    rows: list[NDArray[np.uint16]] = []
+    rows: list[Row] = []
     unreadable: dict[int, str] = {}
 
     def read(index: int) -> GreyImage | None:
@@ -115,21 +128,25 @@ def measure_overlap(
     measured = _map_all(sequence, read, parameters) if planar else _track_all(len(sequence), read, parameters)
     for point_count, finished in measured:
         points.append(point_count)
-        rows += [np.array(row, np.uint16) for row in finished]
+        rows += finished
         on_frame()
     return _as_index(rows, np.array(points, np.int64), unreadable)
 
 
-def _as_index(
-    rows: Sequence[NDArray[np.uint16]], points: NDArray[np.int64], unreadable: Mapping[int, str]
-) -> OverlapIndex:
-    offsets = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
-    return OverlapIndex(np.concatenate([*rows, np.zeros(0, np.uint16)]), offsets, points, unreadable)
+def _as_index(rows: Sequence[Row], points: NDArray[np.int64], unreadable: Mapping[int, str]) -> OverlapIndex:
+    offsets = np.concatenate([[0], np.cumsum([len(survivors) for survivors, _ in rows])]).astype(np.int64)
+    survivors, motion = zip(*rows, NO_ROW, strict=True)
+    return OverlapIndex(np.concatenate(survivors), np.concatenate(motion), offsets, points, unreadable)
+
+
+def _row(survivors: Sequence[int], motion: Sequence[NDArray[np.float16]]) -> Row:
+    counts = np.minimum(survivors, np.iinfo(np.uint16).max)
+    return np.asarray(counts, np.uint16), np.asarray(motion, np.float16).reshape(-1, 3)
 
 
 def _map_all(
     sequence: ImageSequence, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
-) -> Iterator[tuple[int, list[list[int]]]]:
+) -> Iterator[tuple[int, list[Row]]]:
     """As `_track_all`, for points of a regular grid that known homographies carry along while they stay in view.
 
     Where the order of the frames means nothing a point need not be in view in the frames between, and none is in view in a
@@ -137,7 +154,8 @@ def _map_all(
     """
     spacing, sizes = parameters.spacing, _sizes(sequence, read)
     for index, size in enumerate(sizes):
-        row: list[int] = []
+        survivors: list[int] = []
+        motion: list[NDArray[np.float16]] = []
         width, height = size or (0, 0)
         grid = np.mgrid[spacing // 2 : width : spacing, spacing // 2 : height : spacing].reshape(2, -1).T
         seen = grid.astype(np.float64)
@@ -151,8 +169,10 @@ def _map_all(
                 seen = seen[inside]
                 if not len(seen):
                     break
-            row.append(int(inside.sum()))
-        yield len(grid), [row]
+            survivors.append(int(inside.sum()))
+            begins = seen if sequence.temporal else seen[inside]
+            motion += list(motion_of(as_complex(begins)[None], as_complex(moved[inside]), inside.sum(keepdims=True)))
+        yield len(grid), [_row(survivors, motion)]
 
 
 def _sizes(sequence: ImageSequence, read: Callable[[int], GreyImage | None]) -> list[tuple[int, ...] | None]:
@@ -171,7 +191,7 @@ def _sizes(sequence: ImageSequence, read: Callable[[int], GreyImage | None]) -> 
 
 def _track_all(
     length: int, read: Callable[[int], GreyImage | None], parameters: OverlapParameters
-) -> Iterator[tuple[int, list[list[int]]]]:
+) -> Iterator[tuple[int, list[Row]]]:
     """For each frame how many points it has, and the rows that end here, in the order of their frames.
 
     ``read`` gives a frame, or None where it can't be read: all tracks end there.
@@ -179,32 +199,39 @@ def _track_all(
     tracks alive in j that were born in i or before. An earlier frame has fewer survivors, so rows end in order.
     """
     xy, born = np.zeros((0, 2), np.float32), np.zeros(0, np.int64)
-    open_rows: dict[int, list[int]] = {}
+    open_rows: dict[int, tuple[list[int], list[NDArray[np.float16]]]] = {}
+    places = np.zeros((0, 0), np.complex128)  # of the tracks in all frames from `first` on
     previous: GreyImage | None = None
     for index in range(length):
         image = read(index)
         if previous is None or image is None:
-            xy, born = xy[:0], born[:0]
+            xy, born, places = xy[:0], born[:0], places[:, :0]
         else:
             xy, held = parameters.tracker.step(previous, image, xy)
             if held.sum() < parameters.cut_survival * len(held):
                 held[:] = False
-            xy, born = xy[held], born[held]
+            xy, born, places = xy[held], born[held], places[:, held]
         finished = []
         first = max(0, index - parameters.max_span)
+        places = places[len(places) - (index - first) :]
         alive = np.cumsum(np.bincount(np.maximum(born, first) - first, minlength=index - first + 1))
+        some = slice(None, None, max(1, len(xy) // MOTION_TRACKS))
+        of_some = np.searchsorted(born[some], np.arange(first, index), "right")
+        motion = motion_of(places[:, some], as_complex(xy[some]), of_some)
         for row in list(open_rows):
             survivors = int(alive[row - first]) if row >= first else 0
             if survivors:
-                open_rows[row].append(min(survivors, np.iinfo(np.uint16).max))
+                open_rows[row][0].append(survivors)
+                open_rows[row][1].append(motion[row - first])
             else:
-                finished.append(open_rows.pop(row))
-        if image is not None:
-            fresh = _replenish(image, xy, parameters)
-            xy, born = np.concatenate([xy, fresh]), np.concatenate([born, np.full(len(fresh), index)])
-        open_rows[index] = []
+                finished.append(_row(*open_rows.pop(row)))
+        fresh = np.zeros((0, 2), np.float32) if image is None else _replenish(image, xy, parameters)
+        xy, born = np.concatenate([xy, fresh]), np.concatenate([born, np.full(len(fresh), index)])
+        unborn = np.full((len(places), len(fresh)), np.nan)
+        places = np.concatenate([np.concatenate([places, unborn], 1), as_complex(xy)[None]])
+        open_rows[index] = [], []
         if index == length - 1:
-            finished += open_rows.values()
+            finished += [_row(*row) for row in open_rows.values()]
         previous = image
         yield len(xy), finished
 

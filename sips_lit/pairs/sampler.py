@@ -115,7 +115,7 @@ class SourceSampler:
         for at, choice in itertools.chain(drawn, rest):
             if len(chosen) == count:
                 break
-            pair = at, choice.sequence, *sorted((choice.index0, choice.index1))
+            pair = at, choice.sequence, min(choice.index0, choice.index1), max(choice.index0, choice.index1)
             if pair not in asked:
                 asked.add(pair)
                 chosen += [(at, choice)] if usable(at, choice) else []

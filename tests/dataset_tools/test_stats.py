@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from overlap_rows import index_of
 from textured_scenes import ArraySequence, texture
 
 from sips_lit.dataset_tools.stats import GAPS, draw_stats, overlap_by_gap, pixel_steps, pose_steps, sequence_stats
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, measure_overlap
+from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
 from sips_lit.tracking.klt import KltTracker
 
 
@@ -20,7 +21,7 @@ def test_motion_of_a_panning_window_is_its_step():
 
 def test_overlap_by_gap_of_a_hand_made_index():
     # three frames of 10 points: 8 and 4 survive of the first, 6 of the second
-    index = OverlapIndex(np.array([8, 4, 6], np.uint16), np.array([0, 2, 3, 3]), np.array([10, 10, 10]))
+    index = index_of([[8, 4], [6], []])
     table = overlap_by_gap(index)
     assert table[GAPS.index(1)] == pytest.approx([0.65, 0.7, 0.75])
     assert table[GAPS.index(2)] == pytest.approx([0.4, 0.4, 0.4])

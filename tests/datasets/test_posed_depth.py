@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from overlap_rows import all_overlap
 from posed_depth_files import POSES, depth_of, make_posed_depth
 from textured_scenes import texture
-from train_stream import all_overlap
 
 from sips_lit.datasets.posed_depth import posed_depth
 from sips_lit.errors import BadInputError

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from overlap_rows import index_of
 from textured_scenes import flight
 
 from sips_lit.errors import BadInputError
@@ -10,12 +11,14 @@ from sips_lit.pairs.build import index_path, load_index, save_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
 
 WHY = {2: "a/2.png is damaged: replace or remove it"}
-INDEX = OverlapIndex(np.array([5, 3, 2], np.uint16), np.array([0, 2, 3, 3]), np.array([7, 6, 4]), WHY)
+INDEX = index_of([[5, 3], [2], []], [7, 6, 4], [[1.5, -20, 0.25], [3, 0, 1], [700, 90, -1]], WHY)
 SIGNATURE = {"version": 1, "spacing": 16, "tracker": {"margin": 4.0}, "name": "café"}
 
 
 def same(a: OverlapIndex, b: OverlapIndex) -> bool:
-    arrays = all(np.array_equal(getattr(a, key), getattr(b, key)) for key in ("survivors", "offsets", "points"))
+    arrays = all(
+        np.array_equal(getattr(a, key), getattr(b, key)) for key in ("survivors", "motion", "offsets", "points")
+    )
     return arrays and a.unreadable == b.unreadable
 
 
@@ -91,7 +94,7 @@ def test_a_write_that_fails_leaves_the_old_index(tmp_path, monkeypatch, owner, f
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(owner, function, full_disk)
-    longer = OverlapIndex(np.ones(99, np.uint16), np.array([0, 99]), np.array([9]))
+    longer = index_of([[1] * 99], 9)
     with pytest.raises(BadInputError, match=r"cannot write .*a\.npz: the disk .* is full \(No space left on device\)"):
         save_index(path, longer, SIGNATURE)
     monkeypatch.undo()

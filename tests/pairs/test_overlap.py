@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from overlap_rows import index_of
 from textured_scenes import ArraySequence, film, flight, texture
 
 from sips_lit.errors import BadInputError
@@ -139,8 +140,7 @@ def test_every_frame_is_read_once_and_told_of():
 def test_reach_counts_the_frames_with_enough_overlap(rows, overlap):
     rows = [sorted(row, reverse=True) for row in rows]
     points = np.array([max([*row, 1]) for row in rows])
-    offsets = np.cumsum([0, *map(len, rows)])
-    index = OverlapIndex(np.array([survivors for row in rows for survivors in row], np.uint16), offsets, points)
+    index = index_of(rows, points)
     for target in (overlap, 0.55, 0.3, 0.1):
         assert index.reach(target).tolist() == [int((index.overlap(i) >= target).sum()) for i in range(len(rows))]
 
@@ -148,12 +148,12 @@ def test_reach_counts_the_frames_with_enough_overlap(rows, overlap):
 def test_an_overlap_exactly_reached_is_enough():
     for points in range(1, 200):
         for survivors in range(1, points + 1):
-            index = OverlapIndex(np.array([survivors], np.uint16), np.array([0, 1]), np.array([points]))
+            index = index_of([[survivors]], points)
             assert index.reach(survivors / points).tolist() == [1], (survivors, points)
 
 
 def test_no_overlap_asked_for_is_every_frame_tracked():
-    index = OverlapIndex(np.array([3, 1], np.uint16), np.array([0, 2, 2]), np.array([40, 0]))
+    index = index_of([[3, 1], []], [40, 0])
     assert index.reach(0).tolist() == [2, 0]
 
 
@@ -304,3 +304,32 @@ def test_parts_of_an_index(scene):
         assert rows_of(part) == expected
         np.testing.assert_array_equal(part.points, index.points[start:stop])
         assert part.survivors.dtype == index.survivors.dtype
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("max_span", [200, 3])
+def test_every_overlap_has_a_motion(scene, max_span):
+    index = measure_overlap(SCENES[scene](), OverlapParameters(max_span=max_span))
+    assert index.motion.shape == (len(index.survivors), 3)
+    assert np.isfinite(index.motion).all()
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_motion_is_that_of_the_camera(known):
+    sequence = flight(9, step=(4, -3), zoom=1.02, size=(320, 240), known=known)
+    truth = flight(9, step=(4, -3), zoom=1.02, size=(320, 240))
+    index = measure_overlap(sequence, OverlapParameters())
+    for i, later in ((0, 1), (0, 8), (3, 4), (2, 7)):
+        H = truth.homography(i, later)
+        moved, turn, zoom = index.motion_to(i)[later - i - 1]
+        assert zoom == pytest.approx(np.log2(H[0, 0] / H[2, 2]), abs=0.01)
+        assert turn == pytest.approx(0, abs=0.3)
+        centre = H @ [159.5, 119.5, 1]
+        assert moved == pytest.approx(np.hypot(*(centre[:2] / centre[2] - [159.5, 119.5])), rel=0.25)
+
+
+def test_the_motion_of_a_part_is_that_of_the_whole():
+    index = measure_overlap(SCENES["flight"](), OverlapParameters())
+    part = index.part(3, 9)
+    for i in range(6):
+        np.testing.assert_array_equal(part.motion_to(i), index.motion_to(i + 3)[: len(part.overlap(i))])

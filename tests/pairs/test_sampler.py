@@ -2,24 +2,15 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from overlap_rows import index_of
 from textured_scenes import ArraySequence, flight
 
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.overlap import OverlapIndex
 from sips_lit.pairs.sampler import PairChoice, PairSampler, read_pair
 from sips_lit.types import Camera
 
-
-def index_of(rows: list[list[int]], points: int = 10) -> OverlapIndex:
-    return OverlapIndex(
-        np.array([survivors for row in rows for survivors in row], np.uint16),
-        np.cumsum([0, *map(len, rows)]),
-        np.full(len(rows), points),
-    )
-
-
-FIRST = index_of([[9, 6, 2], [8], [1], []])  # at 0.5: 0-1, 0-2, 1-2
-SECOND = index_of([[4], [7, 5], [2], [10], []])  # at 0.5: 1-2, 1-3, 3-4
+FIRST = index_of([[9, 6, 2], [8], [1], []], 10)  # at 0.5: 0-1, 0-2, 1-2
+SECOND = index_of([[4], [7, 5], [2], [10], []], 10)  # at 0.5: 1-2, 1-3, 3-4
 PAIRS = {(0, 0, 1), (0, 0, 2), (0, 1, 2), (1, 1, 2), (1, 1, 3), (1, 3, 4)}
 
 

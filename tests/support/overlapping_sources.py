@@ -3,21 +3,13 @@
 import dataclasses
 
 import numpy as np
+from overlap_rows import all_overlap
 from textured_scenes import flight
 
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
-from sips_lit.pairs.overlap import OverlapIndex
 from sips_lit.pairs.sampler import SourcePair, SourceSampler
 from sips_lit.types import FramePair
-
-
-def all_overlap(length: int) -> OverlapIndex:
-    """Every frame sees all later ones."""
-    counts = np.arange(length)[::-1]
-    return OverlapIndex(
-        np.full(counts.sum(), 9, np.uint16), np.concatenate([[0], np.cumsum(counts)]), np.full(length, 9)
-    )
 
 
 def sources(weights: tuple[float, ...] = (1.0, 3.0)) -> list[Source]:

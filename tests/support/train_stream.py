@@ -1,5 +1,6 @@
 import numpy as np
 import torch
+from overlap_rows import all_overlap
 from textured_scenes import ArraySequence, flight
 
 from sips_lit.describe.sift import RootSift
@@ -7,7 +8,6 @@ from sips_lit.detect.selection import SelectedPoints
 from sips_lit.frames.source import Source
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.pairs.overlap import OverlapIndex
 from sips_lit.pairs.sampler import SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, TrainingPairs
@@ -36,12 +36,6 @@ class Learner:
     def step(self) -> None:
         self.events.append(("step", self.steps))
         self.steps += 1
-
-
-def all_overlap(length: int) -> OverlapIndex:
-    counts = np.arange(length)[::-1]
-    survivors = np.full(counts.sum(), 9, np.uint16)
-    return OverlapIndex(survivors, np.concatenate([[0], np.cumsum(counts)]), np.full(length, 9))
 
 
 def pairs_of(*sequences: ArraySequence, length: int = LENGTH) -> PackedPairs:

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from overlap_rows import all_overlap
 from textured_scenes import ArraySequence, flight
-from train_stream import Learner, after_interruption, all_overlap, assert_same, run
+from train_stream import Learner, after_interruption, assert_same, run
 
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError, InputWarning
