@@ -75,6 +75,23 @@ class OverlapIndex:
         """``motion`` (F, 3) from frame ``index`` to frames index + 1, index + 2, ..., as far as `overlap` is not zero."""
         return self.motion[self.offsets[index] : self.offsets[index + 1]]
 
+    def difficulty(self, index: int) -> NDArray[np.int64]:
+        """For each frame that `motion_to` tells of, a number (F,) that those of like overlap and motion share.
+
+        Classes (our choice): steps of 0.2 of the overlap; powers of two of the distance from 8 pixels on; turns from 15 and
+        45 degrees on; zooms from 1.2 and 1.7 on.
+        """
+        moved, turn, zoom = np.abs(self.motion_to(index).astype(np.float64).T)
+        overlaps, distances = np.minimum(self.overlap(index) // 0.2, 4), np.log2(np.maximum(moved, 4) / 4) // 1
+        parts = [
+            overlaps,
+            np.minimum(distances, 5),
+            np.digitize(turn, (15, 45)),
+            np.digitize(zoom, np.log2((1.2, 1.7))),
+        ]
+        numbers = np.ravel_multi_index([part.astype(np.int64) for part in parts], (5, 6, 3, 3))
+        return np.asarray(numbers, np.int64)
+
     def reach(self, overlap: float) -> NDArray[np.int64]:
         """For each frame (N,) how many later frames still have at least this overlap."""
         row_of = np.repeat(np.arange(len(self)), np.diff(self.offsets))

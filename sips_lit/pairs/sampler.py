@@ -38,7 +38,8 @@ class SourcePair:
 class PairSampler:
     """Draws a random frame of some sequences and a random later frame with enough overlap, in random order.
 
-    Every frame that has such a partner is equally likely. A draw is a pure function of (seed, epoch, index). Raises
+    Every frame that has such a partner is equally likely, and so is every `difficulty` that its partners have: else a slow
+    camera would give little but neighbours that look alike. A draw is a pure function of (seed, epoch, index). Raises
     BadInputError when no pair reaches the overlap; ``names`` tells the user where.
     """
 
@@ -63,7 +64,9 @@ class PairSampler:
         at = generator.integers(len(self._frame))
         sequence, first = int(self._sequence[at]), int(self._frame[at])
         partners = self.indexes[sequence].partners(first, self.overlap)
-        second = int(partners[generator.integers(len(partners))])
+        of_partners = self.indexes[sequence].difficulty(first)[partners - first - 1]
+        alike = partners[of_partners == generator.choice(np.unique(of_partners))]
+        second = int(alike[generator.integers(len(alike))])
         if generator.random() < 0.5:
             first, second = second, first
         return PairChoice(sequence, first, second)

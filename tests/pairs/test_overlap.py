@@ -333,3 +333,19 @@ def test_the_motion_of_a_part_is_that_of_the_whole():
     part = index.part(3, 9)
     for i in range(6):
         np.testing.assert_array_equal(part.motion_to(i), index.motion_to(i + 3)[: len(part.overlap(i))])
+
+
+def test_difficulty_tells_overlap_distance_turn_and_zoom_apart():
+    easy, steps = (
+        (10, (2, 0, 0)),
+        [(7, (2, 0, 0)), (10, (9, 0, 0)), (10, (300, 0, 0)), (10, (2, 20, 0)), (10, (2, 60, 0))],
+    )
+    steps += [(10, (2, 0, 0.4)), (10, (2, 0, 1))]
+    alike = [(9, (7, -14, 0.2)), (10, (0, 0, -0.2))]
+    row = [easy, *alike, *steps]
+    index = index_of([[count for count, _ in row], *([] for _ in row)], motion=[motion for _, motion in row])
+    difficulty = index.difficulty(0)
+    assert len(set(difficulty[:3])) == 1
+    assert len(set(difficulty[2:])) == 8
+    mirrored = index_of([[10, 10, 10], [], [], []], motion=[(2, -20, -0.4), (2, 20, 0.4), (2, 20, -0.4)])
+    assert len(set(mirrored.difficulty(0))) == 1

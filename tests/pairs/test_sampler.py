@@ -32,6 +32,17 @@ def test_frames_are_equally_likely_and_so_are_partners_and_orders():
     assert abs(sum(c.index0 < c.index1 for c in drawn) - n / 2) < 4 * np.sqrt(n / 4)
 
 
+def test_difficulties_are_equally_likely_whatever_the_number_of_frames_of_each():
+    # of one frame's ten later ones eight overlap alike, as seen by a camera that is slow; one of the others is turned
+    rows = [[10] * 9 + [5], *([] for _ in range(10))]
+    motion = [[2, 0, 0]] * 8 + [[2, 60, 0]] + [[40, 0, 0]]
+    sampler, n = PairSampler([index_of(rows, motion=motion)], 0.3, seed=2), 3000
+    partner = Counter(max(c.index0, c.index1) for c in (sampler.draw(0, i) for i in range(n)))
+    for alike in (range(1, 9), [9], [10]):
+        assert abs(sum(partner[j] for j in alike) - n / 3) < 4 * np.sqrt(n * 2 / 9)
+    assert all(abs(partner[j] - n / 24) < 4 * np.sqrt(n / 24) for j in range(1, 9))
+
+
 def test_a_draw_depends_on_seed_epoch_and_index_only():
     one, other = PairSampler([FIRST, SECOND], 0.5, seed=7), PairSampler([FIRST, SECOND], 0.5, seed=7)
     draws = [one.draw(2, i) for i in range(50)]
