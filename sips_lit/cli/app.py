@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import re
@@ -32,7 +33,7 @@ from omegaconf.errors import (
 
 from sips_lit.cli.arguments import as_typed
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
-from sips_lit.files import FULL, disk_of, unwritten
+from sips_lit.files import FULL, LONGEST_NAME, disk_of, unwritten
 
 PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
@@ -59,7 +60,11 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
 
+    begun = False
+
     def command(config: DictConfig) -> Any:
+        nonlocal begun
+        begun = True
         register_resolvers()  # a launcher may have started another process
         quiet_lightning()
         with errors_explained(config):
@@ -67,7 +72,13 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
     command.__module__, command.__qualname__ = __name__, config_name
     with _errors_of_hydra():
-        hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+        try:
+            hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+        except Exception as error:
+            if begun or isinstance(error, CompactHydraException) or getattr(error, "errno", None) is not None:
+                raise
+            why = " ".join(str(error).split())
+            raise BadInputError(f"a file of the configuration can't be read: {why}") from error
 
 
 @contextmanager
@@ -249,6 +260,8 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             )
         if isinstance(cause, OSError) and cause.errno in FULL:
             return full_disk(cause, config)
+        if isinstance(cause, OSError) and cause.errno == errno.ENAMETOOLONG:
+            return f"{cause.filename} can't be a path: the name of a file or folder has at most {LONGEST_NAME} bytes"
         if isinstance(cause, OSError) and cause.errno is not None:
             file = "" if cause.filename is None else f"{os.fsdecode(cause.filename)}: "
             return f"{file}{cause.strerror}: see to its permissions and its disk, or choose another place"
