@@ -260,11 +260,15 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             )
         if isinstance(cause, OSError) and cause.errno in FULL:
             return full_disk(cause, config)
-        if isinstance(cause, OSError) and cause.errno == errno.ENAMETOOLONG:
-            return f"{cause.filename} can't be a path: the name of a file or folder has at most {LONGEST_NAME} bytes"
         if isinstance(cause, OSError) and cause.errno is not None:
             file = "" if cause.filename is None else f"{os.fsdecode(cause.filename)}: "
-            return f"{file}{cause.strerror}: see to its permissions and its disk, or choose another place"
+            long = cause.errno == errno.ENAMETOOLONG
+            hint = (
+                f"the name of a file has at most {LONGEST_NAME} bytes"
+                if long
+                else "see to its permissions and its disk, or choose another place"
+            )
+            return f"{file}{cause.strerror}: {hint}"
         cause = cause.__cause__ or (cause.__context__ if isinstance(cause, InstantiationException) else None)
     return None
 
