@@ -249,7 +249,8 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return str(cause)
         if isinstance(cause, MissingMandatoryValue | InterpolationToMissingValueError):
             named = re.search(r"Missing mandatory value: (\S+)", str(cause))
-            key = origin(named[1] if named else str(cause.full_key), config)
+            plain = None if config is None else OmegaConf.to_container(config)
+            key = origin(named[1] if named else str(cause.full_key), plain)
             return f"{key} is not set: add {key}=... to the command"
         if isinstance(cause, InstantiationException) and type(cause.__cause__).__name__ in REFUSED:
             where = re.search(r"full_key: (\S+)", str(cause))
@@ -284,9 +285,12 @@ def full_disk(error: OSError, config: DictConfig | None) -> str:
     return f"the disk {full or 'of the outputs'} is full: free some space on it, or write elsewhere (hydra.run.dir=...)"
 
 
-def origin(key: str, config: DictConfig | None) -> str:
-    """The key that the user sets for ``key``: where its interpolations lead, ``datamodule.data.path`` to ``data.path``."""
-    node: Any = None if config is None else OmegaConf.to_container(config, resolve=False)
+def origin(key: str, config: Any) -> str:
+    """The key that the user sets for ``key``: where its interpolations lead, ``datamodule.data.path`` to ``data.path``.
+
+    ``config`` is the plain one, with its interpolations.
+    """
+    node = config
     parts = key.split(".")
     for count, part in enumerate(parts, start=1):
         node = node.get(part) if isinstance(node, dict) else None
