@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import re
@@ -32,7 +33,7 @@ from omegaconf.errors import (
 
 from sips_lit.cli.arguments import as_typed
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
-from sips_lit.files import FULL, disk_of, unwritten
+from sips_lit.files import FULL, LONGEST_NAME, disk_of, unwritten
 
 PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
@@ -59,7 +60,11 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
 
+    begun = False
+
     def command(config: DictConfig) -> Any:
+        nonlocal begun
+        begun = True
         register_resolvers()  # a launcher may have started another process
         quiet_lightning()
         with errors_explained(config):
@@ -67,7 +72,13 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
     command.__module__, command.__qualname__ = __name__, config_name
     with _errors_of_hydra():
-        hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+        try:
+            hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+        except Exception as error:
+            if begun or isinstance(error, CompactHydraException) or getattr(error, "errno", None) is not None:
+                raise
+            why = " ".join(str(error).split())
+            raise BadInputError(f"a file of the configuration can't be read: {why}") from error
 
 
 @contextmanager
@@ -238,7 +249,8 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return str(cause)
         if isinstance(cause, MissingMandatoryValue | InterpolationToMissingValueError):
             named = re.search(r"Missing mandatory value: (\S+)", str(cause))
-            key = origin(named[1] if named else str(cause.full_key), config)
+            plain = None if config is None else OmegaConf.to_container(config)
+            key = origin(named[1] if named else str(cause.full_key), plain)
             return f"{key} is not set: add {key}=... to the command"
         if isinstance(cause, InstantiationException) and type(cause.__cause__).__name__ in REFUSED:
             where = re.search(r"full_key: (\S+)", str(cause))
@@ -251,7 +263,13 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return full_disk(cause, config)
         if isinstance(cause, OSError) and cause.errno is not None:
             file = "" if cause.filename is None else f"{os.fsdecode(cause.filename)}: "
-            return f"{file}{cause.strerror}: see to its permissions and its disk, or choose another place"
+            long = cause.errno == errno.ENAMETOOLONG
+            hint = (
+                f"the name of a file has at most {LONGEST_NAME} bytes"
+                if long
+                else "see to its permissions and its disk, or choose another place"
+            )
+            return f"{file}{cause.strerror}: {hint}"
         cause = cause.__cause__ or (cause.__context__ if isinstance(cause, InstantiationException) else None)
     return None
 
@@ -267,9 +285,12 @@ def full_disk(error: OSError, config: DictConfig | None) -> str:
     return f"the disk {full or 'of the outputs'} is full: free some space on it, or write elsewhere (hydra.run.dir=...)"
 
 
-def origin(key: str, config: DictConfig | None) -> str:
-    """The key that the user sets for ``key``: where its interpolations lead, ``datamodule.data.path`` to ``data.path``."""
-    node: Any = None if config is None else OmegaConf.to_container(config, resolve=False)
+def origin(key: str, config: Any) -> str:
+    """The key that the user sets for ``key``: where its interpolations lead, ``datamodule.data.path`` to ``data.path``.
+
+    ``config`` is the plain one, with its interpolations.
+    """
+    node = config
     parts = key.split(".")
     for count, part in enumerate(parts, start=1):
         node = node.get(part) if isinstance(node, dict) else None

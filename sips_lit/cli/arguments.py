@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import LONGEST_NAME
+from sips_lit.files import LONGEST_NAME, can_be_path
 
 PATH_KEYS: Final = frozenset(
     {"path", "root", "input", "output", "checkpoint", "ckpt_path", "pairs_file", "features", "images", "weights"}
@@ -70,7 +69,7 @@ def _as_text(value: str) -> str:
     value = value.strip()
     if not value or _OTHER.fullmatch(value):
         return value
-    if any(len(os.fsencode(part)) > LONGEST_NAME for part in Path(value).parts):
+    if not can_be_path(value):
         raise BadInputError(f"{value} can't be a path: the name of a file or folder has at most {LONGEST_NAME} bytes")
     return quoted(str(Path(value).expanduser()) if value == "~" or value.startswith("~/") else value)
 

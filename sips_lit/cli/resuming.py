@@ -43,9 +43,8 @@ def record_of(config: DictConfig, data: PairDataModule, trainer: L.Trainer) -> d
     parts = {"module": config.module, "datamodule": config.datamodule, "callbacks.succinctness": validation}
     values = dict(flat({name: OmegaConf.to_container(part, resolve=True) for name, part in parts.items()}))
     values |= {f"trainer.{key}": config.trainer[key] for key in TRAINER}
-    named = {
-        origin(key, config): value for key, value in values.items() if key.rpartition(".")[2] not in WITHOUT_EFFECT
-    }
+    plain = OmegaConf.to_container(config)
+    named = {origin(key, plain): value for key, value in values.items() if key.rpartition(".")[2] not in WITHOUT_EFFECT}
     paths = {key: value for key, value in named.items() if holds_path(key)}
     identity = {key: value for key, value in named.items() if key not in paths}
     identity |= {"processes": trainer.num_nodes * trainer.num_devices, FRAMES: data.data_digest()}

@@ -80,7 +80,7 @@ def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path], list[Path]
         if len(fields) != 2:
             raise BadInputError(f"line {line} of {table} must be a time and a file, not {len(fields)} words")
         times += to_numbers(table, line, fields[:1])
-        files.append(expect(listed_file(table.parent, fields[1], table, line), LAYOUT))
+        files.append(expect(listed_file(table.parent, fields[1], f"line {line} of {table}"), LAYOUT))
     if not files:
         raise BadInputError(f"{table} names no file: it is empty or was not downloaded whole")
     return np.array(times), files, [table]

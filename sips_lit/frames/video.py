@@ -6,7 +6,6 @@ import glob
 import hashlib
 import itertools
 import json
-import os
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, warn_input
-from sips_lit.files import LONGEST_NAME, read_text, safe_name, write_whole
+from sips_lit.files import can_be_path, read_text, safe_name, write_whole
 from sips_lit.frames.images import resize_max_side
 from sips_lit.frames.listing import VIDEO_SUFFIXES, list_files, warn_of_others
 from sips_lit.frames.recording import Recording, RecordingLoader
@@ -126,9 +125,7 @@ def _lines(file: Path) -> list[Path]:
     except (OSError, UnicodeDecodeError) as error:
         raise BadInputError(f"cannot read {file} as a list of videos ({error}): write one path a line") from error
     entries = [file.parent / line for line in lines if line and not line.startswith("#")]
-    strange = [
-        part for entry in entries for part in entry.parts if "\0" in part or len(os.fsencode(part)) > LONGEST_NAME
-    ]
+    strange = [line for line in lines if not can_be_path(line)]
     if strange:
         raise BadInputError(f"{file} names {strange[0]}, which can't be a file: write one path a line")
     if any(entry.suffix.lower() == ".txt" for entry in entries):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, warn_input
+from sips_lit.frames.image_kind import name_groups
 from sips_lit.frames.images import read_grey, read_values
 from sips_lit.frames.listing import IMAGE_SUFFIXES, VIDEO_SUFFIXES, list_images
 from sips_lit.frames.span import find_span
@@ -55,6 +56,12 @@ def open_stream(path: Path, colour: bool) -> FrameStream:
         images = list_images(path)
         if not images:
             raise BadInputError(f"the folder {path} holds no images: give a folder of images, one image, or a video")
+        groups = name_groups(images)
+        if len({bits for group in groups for bits in group.bits}) > 1:  # colour and depth
+            kinds = ", ".join(map(str, groups))
+            warn_input(
+                f"{path} has images of different kinds, {kinds}: all are read; give a folder of the frames alone"
+            )
         return ImageStream(images, colour)
     if not path.is_file():
         raise BadInputError(f"there is no {path}: give an image, a folder of images, or a video")

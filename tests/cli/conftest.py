@@ -50,6 +50,8 @@ def command(folders, monkeypatch, capsys) -> Command:
     handlers, level = root.handlers[:], root.level
     monkeypatch.setenv("HYDRA_FULL_ERROR", "")
     monkeypatch.delenv("HYDRA_FULL_ERROR")
+    # Hydra composes all of it once more, only to look for a hydra.mode, which ours do not set
+    monkeypatch.setattr("hydra._internal.hydra.Hydra.get_mode", lambda *_, **__: None)
     monkeypatch.setattr(sys, "gettrace", lambda: None)  # Hydra takes the tracing of coverage for a debugger
 
     def run(name: str, *arguments: str) -> Result:

@@ -1,5 +1,6 @@
 import errno
 import os
+import re
 import shutil
 import signal
 import threading
@@ -204,3 +205,21 @@ def test_the_first_missing_key_is_named():
     with pytest.raises(MissingMandatoryValue, match="n"):
         options(path="???", n="???")
     assert options().n == 3
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"a: [1", r"expected ',' or ']'.*line 1"),
+        (b"\xff\xfe\x00", "can't decode byte 0xff"),
+        (b"5", "int"),
+        (b"defaults: 5", "defaults must be a list"),
+        (b"a: {{1}}", "unhashable key"),
+        (b"a: !!python/object:os.system {}", "could not determine a constructor"),
+    ],
+)
+def test_a_file_of_the_configuration_that_can_not_be_read(command, folders, content, reason):
+    (folders / "experiment").mkdir()
+    (folders / "experiment" / "mine.yaml").write_bytes(content)
+    result = command("index", "--config-dir", folders, "+experiment=mine", "data=folder", "data.path=x")
+    assert re.search(f"a file of the configuration can't be read: .*{reason}", result.sentence)
