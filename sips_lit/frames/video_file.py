@@ -9,6 +9,7 @@ import logging
 import re
 import shlex
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -30,6 +31,10 @@ from sips_lit.types import GreyImage
 
 logging.getLogger("libav").setLevel(logging.CRITICAL + 1)  # what other threads say meanwhile is not for the user
 MOST_PIXELS = 2**26  # of a frame; a damaged header may ask for memory without end
+MOST_REORDERED = 16  # packets between a frame and one that is shown before it
+TELLERS = frozenset({"mjpeg", "ffv1", "hevc"})  # codecs whose decoders mark no broken frame, but say so in a message
+TRUSTING = frozenset({"h264", "hevc", "vp8", "vp9"})  # codecs whose decoders notice less, or little
+ZEROS = bytes(64)  # within a packet of theirs: a part of the file that was never written
 _CODEC = re.compile(r"Video: (?:none \()?([^,/]+)")
 _LOGGING = threading.Lock()  # the level of libav's messages belongs to the process
 
@@ -140,39 +145,52 @@ class VideoFile:
         return find_span(len(sample), lambda index: sample[index])
 
     def __iter__(self) -> Iterator[VideoFrame]:
-        survey, self.damage = self._survey, None
-        given, holes = 0, list[int]()  # frames given so far; how many were given before each hole
-        # packets from ``bad_from`` on are passed over until the keyframe of packet ``key`` is out
-        bad_from: int | None = None
-        key: int | None = None
-        lost: list[int] = []  # times of frames that are passed over
-        # a stream that was recorded from somewhere within: what comes before its first keyframe is no damage
-        joined = not survey.keys or survey.keys[0] > 0
-        for packet in self._decode():
-            faults = [packet.number] * packet.broken + [origin for origin, frame in packet.frames if frame.is_corrupt]
-            for fault in faults:
-                if (given or not joined) and (bad_from is None or (key is not None and fault >= key)):
-                    bad_from, key = fault, _next_key(survey.keys, fault)
-            if bad_from is not None and packet.broken and packet.time is not None:
+        self.damage, keys = None, self._survey.keys
+        faults: list[int] = []  # numbers of damaged packets, sorted
+        start = 0  # faults before this packet do no harm any more
+        given, holes, guessed = 0, list[int](), False  # frames given so far; how many were given before each hole
+        lost: list[int] = []  # times of frames that are not given
+        for packet in self._settled(faults):
+            if packet.broken and packet.time is not None:
                 lost.append(packet.time)
             for origin, frame in packet.frames:
-                after_damage = bad_from is not None and origin > bad_from
-                if frame.is_corrupt or origin == bad_from or (after_damage and key is not None and origin != key):
+                fault = _last(faults, start, origin)
+                keyless = fault is not None and keys[-1:] <= [fault]
+                if frame.is_corrupt or fault == origin or not (fault is None or keyless or origin in keys):
                     lost += [] if frame.pts is None else [frame.pts]
                     continue
-                if after_damage:
-                    bad_from = key = None
                 # a frame that was decoded before the damage may be shown after those that are lost
                 passed = [time for time in lost if frame.pts is not None and time < frame.pts]
-                after_hole = given > 0 and (after_damage or bool(passed))
                 lost = [time for time in lost if time not in passed]
-                if after_hole:
+                if fault is not None or (given and passed):
                     holes.append(given)
+                if fault is not None:
+                    start, guessed = origin, guessed or keyless
+                yield VideoFrame(frame, after_hole=given > 0 and given in holes[-1:])
                 given += 1
-                yield VideoFrame(frame, after_hole)
         if not given:
             raise self._not_decodable()
-        self.damage = self._describe(given, holes, ends_early=bad_from is not None)
+        ends_early = bool(faults) and faults[-1] >= start
+        self.damage = self._describe(given, holes, ends_early, guessed)
+
+    def _settled(self, faults: list[int]) -> Iterator[_Decoded]:
+        """What `_decode` gives, each when the packets that its frames may need have come out; ``faults`` grows ahead of it.
+
+        A frame is shown before others that it needs, whose damage is known only as they come out. Until a first frame is
+        decoded only damaged keyframes count: a recording may have been joined between or begin with frames of another.
+        """
+        waiting, inside, begun = deque[_Decoded](), set[int](), False
+        for packet in self._decode():
+            frames = {origin: frame.is_corrupt for origin, frame in packet.frames}
+            inside = {n for n in inside | {packet.number} if n > packet.number - MOST_REORDERED} - frames.keys()
+            for fault in [packet.number] * packet.broken + [origin for origin, corrupt in frames.items() if corrupt]:
+                if (begun or fault in self._survey.keys) and _last(faults, fault, fault) is None:
+                    bisect.insort(faults, fault)
+            begun |= not all(frames.values())
+            waiting.append(packet)
+            while waiting and not any(n < origin for n in inside for origin, _ in waiting[0].frames):
+                yield waiting.popleft()
+        yield from waiting
 
     def _decode(self) -> Iterator[_Decoded]:
         """What comes out of the decoder after each packet, and at the end."""
@@ -194,7 +212,7 @@ class VideoFile:
     def _guarded(self, decode: Callable[[], list[av.VideoFrame]]) -> list[tuple[int, av.VideoFrame]] | None:
         """The frames that the decoder gives, each with the number of its packet; None where the packet is damaged."""
         try:
-            if self.codec == "mjpeg":  # this decoder marks no broken picture, and says so only in a message
+            if self.codec in TELLERS:
                 with _errors() as messages:
                     decoded = decode()
                 if _taken(messages, self.codec):
@@ -205,7 +223,7 @@ class VideoFile:
         except av.FFmpegError:
             return None
 
-    def _describe(self, given: int, holes: list[int], ends_early: bool) -> str | None:
+    def _describe(self, given: int, holes: list[int], ends_early: bool, guessed: bool) -> str | None:
         """What is missing, in a sentence; None for nothing."""
         missing = max(self.total - given, len(holes) + ends_early)
         said = []
@@ -216,7 +234,8 @@ class VideoFile:
             said.append(f"it ends early, after {given} frames")
         if not said:
             return None
-        return f"{self.path} is damaged: {' and '.join(said)}; at least {missing} can't be decoded"
+        rest = "; no keyframe follows the last, so that later frames may be wrong in parts" if guessed else ""
+        return f"{self.path} is damaged: {' and '.join(said)}; at least {missing} can't be decoded{rest}"
 
     def _read_packets(self) -> _Survey:
         """Reads all packets without decoding them; what a container complains of is known from libav's messages only."""
@@ -231,7 +250,7 @@ class VideoFile:
                     survey.complaints.add(0)
             for packet in _packets(container, stream):
                 said = _taken(messages, name) and not (again and number == 0)
-                if packet.is_corrupt or said:
+                if packet.is_corrupt or said or (self.codec in TRUSTING and ZEROS in bytes(packet).rstrip(b"\0")):
                     survey.complaints.add(number)
                 if packet.is_keyframe:
                     survey.keys.append(number)
@@ -294,7 +313,7 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[av.Pack
         av.logging.log(av.logging.ERROR, container.format.name, str(error))
 
 
-def _next_key(keys: list[int], after: int) -> int | None:
-    """The number of the first keyframe's packet after another packet, if one follows."""
-    at = bisect.bisect_right(keys, after)
-    return keys[at] if at < len(keys) else None
+def _last(numbers: list[int], low: int, high: int) -> int | None:
+    """The last of sorted numbers from ``low`` to ``high``, if there is one."""
+    at = bisect.bisect_right(numbers, high) - 1
+    return numbers[at] if at >= 0 and numbers[at] >= low else None
