@@ -8,6 +8,7 @@ import itertools
 import logging
 import re
 import shlex
+import struct
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -19,12 +20,14 @@ from typing import Any, cast
 
 import av
 import numpy as np
+from av.codec.context import Flags
 from av.container import InputContainer
+from av.sidedata.sidedata import Type as SideDataType
 from av.stream import Disposition
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.images import to_grey
 from sips_lit.frames.span import FULL, SAMPLE, Span, find_span
 from sips_lit.types import GreyImage
@@ -50,10 +53,10 @@ class VideoFrame:
     def size(self) -> tuple[int, int]:
         """(W, H) in pixels, upright."""
         width, height = self.decoded.width, self.decoded.height
-        return (height, width) if self.decoded.rotation % 180 else (width, height)
+        return (height, width) if self._matrix[2] else (width, height)
 
     def colour(self) -> NDArray[np.uint8]:
-        """BGR (H, W, 3) as OpenCV decodes it, turned upright where the file says how the camera was held."""
+        """BGR (H, W, 3) as OpenCV decodes it, turned and mirrored as the file says."""
         return np.asarray(self._upright(self._as("bgr24")), np.uint8)
 
     @property
@@ -76,7 +79,16 @@ class VideoFrame:
         return self.decoded.reformat(format=form, interpolation="BICUBIC").to_ndarray()  # as OpenCV has it
 
     def _upright(self, image: NDArray[Any]) -> NDArray[Any]:
-        return np.ascontiguousarray(np.rot90(image, round(self.decoded.rotation / 90)))
+        x, y, across = self._matrix
+        image = image.swapaxes(0, 1) if across else image
+        return np.ascontiguousarray(image[:: -1 if y < 0 else 1, :: -1 if x < 0 else 1])
+
+    @property
+    def _matrix(self) -> tuple[int, int, bool]:
+        """How the display matrix turns and mirrors: the signs of x and y, after they are swapped or not."""
+        given = self.decoded.side_data.get(SideDataType.DISPLAYMATRIX)
+        a, b, _, c, d = struct.unpack("5i", bytes(given)[:20]) if given else (1, 0, 0, 0, 1)
+        return (c, b, True) if abs(b) > abs(a) else (a, d, False)
 
 
 @dataclass(slots=True)
@@ -93,12 +105,16 @@ class _Survey:
 
 @dataclass(frozen=True, slots=True)
 class _Decoded:
-    """After packet ``number``, whose frame is shown at ``time``: frames, each with the number of the packet it was in."""
+    """After packet ``number``, whose frame is shown at ``time``: frames, each with the number of the packet it was in.
+
+    ``broken``: the packet is damaged; ``shown``: it is a packet whose frame should come out, now or later.
+    """
 
     number: int
     time: int | None
     frames: list[tuple[int, av.VideoFrame]]
     broken: bool
+    shown: bool
 
 
 class VideoFile:
@@ -123,7 +139,12 @@ class VideoFile:
             videos = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
             if not videos:
                 raise BadInputError(f"{path} has no video in it: give a file with pictures, or a folder of images")
-            stream, self._index = videos[0], videos[0].index
+            stream = max(videos, key=lambda s: s.width * s.height if s.codec_context else 0)  # not a preview
+            self._index = stream.index
+            if len(videos) > 1:
+                warn_input(
+                    f"{path} has {len(videos)} videos in it: the first of the largest is read, stream {stream.index}"
+                )
             if stream.codec_context is None:  # then only libav's warning tells what it is
                 named = [match for *_, text in messages if (match := _CODEC.search(text))]
                 self.codec = named[0][1].strip() if named else self.codec
@@ -179,14 +200,18 @@ class VideoFile:
         A frame is shown before others that it needs, whose damage is known only as they come out. Until a first frame is
         decoded only damaged keyframes count: a recording may have been joined between or begin with frames of another.
         """
-        waiting, inside, begun = deque[_Decoded](), set[int](), False
+        waiting, inside, begun, fields = deque[_Decoded](), set[int](), False, self.codec != "h264"
         for packet in self._decode():
             frames = {origin: frame.is_corrupt for origin, frame in packet.frames}
-            inside = {n for n in inside | {packet.number} if n > packet.number - MOST_REORDERED} - frames.keys()
-            for fault in [packet.number] * packet.broken + [origin for origin, corrupt in frames.items() if corrupt]:
+            fields |= any(frame.interlaced_frame for _, frame in packet.frames)  # two packets may make one frame
+            inside = (inside | ({packet.number} if packet.shown else set())) - frames.keys()
+            gone = {n for n in inside if n <= packet.number - MOST_REORDERED}
+            inside -= gone
+            corrupt = {origin for origin, is_corrupt in frames.items() if is_corrupt}
+            for fault in corrupt | ({packet.number} if packet.broken else set()) | (set() if fields else gone):
                 if (begun or fault in self._survey.keys) and _last(faults, fault, fault) is None:
                     bisect.insort(faults, fault)
-            begun |= not all(frames.values())
+            begun |= frames.keys() > corrupt
             waiting.append(packet)
             while waiting and not any(n < origin for n in inside for origin, _ in waiting[0].frames):
                 yield waiting.popleft()
@@ -199,15 +224,17 @@ class VideoFile:
             stream = self._stream(container)
             stream.thread_type = "NONE"  # threads mark damaged frames later, or not at all
             stream.codec_context.copy_opaque = True
+            stream.codec_context.flags |= Flags.output_corrupt  # else some decoders leave such frames out silently
             stream.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
             for number, packet in enumerate(_packets(container, stream)):
                 packet.opaque = (number,)  # PyAV tells objects apart by their identity, and equal integers share theirs
                 frames = [] if packet.is_corrupt else self._guarded(packet.decode)
-                yield _Decoded(number, packet.pts, frames or [], broken=frames is None or number in complaints)
+                broken, shown = frames is None or number in complaints, not packet.is_discard
+                yield _Decoded(number, packet.pts, frames or [], broken, shown)
             frames = self._guarded(functools.partial(stream.codec_context.decode, None))
-            yield _Decoded(number, None, frames or [], broken=False)
+            yield _Decoded(number + MOST_REORDERED, None, frames or [], broken=False, shown=False)
         if number + 1 in complaints:  # what the container says after the last packet
-            yield _Decoded(number + 1, None, [], broken=True)
+            yield _Decoded(number + 1, None, [], broken=True, shown=False)
 
     def _guarded(self, decode: Callable[[], list[av.VideoFrame]]) -> list[tuple[int, av.VideoFrame]] | None:
         """The frames that the decoder gives, each with the number of its packet; None where the packet is damaged."""
@@ -249,8 +276,11 @@ class VideoFile:
                 except av.FFmpegError:  # then nothing tells; the first is as likely as any
                     survey.complaints.add(0)
             for packet in _packets(container, stream):
-                said = _taken(messages, name) and not (again and number == 0)
-                if packet.is_corrupt or said or (self.codec in TRUSTING and ZEROS in bytes(packet).rstrip(b"\0")):
+                if _taken(messages, name) and not (
+                    again and number == 0
+                ):  # the packet before may have been read too far
+                    survey.complaints |= {number - 1, number}
+                if packet.is_corrupt or (self.codec in TRUSTING and ZEROS in bytes(packet).rstrip(b"\0")):
                     survey.complaints.add(number)
                 if packet.is_keyframe:
                     survey.keys.append(number)
