@@ -95,12 +95,14 @@ class VideoFrame:
 class _Survey:
     """The packets of a file, numbered from 0: how many carry a frame, which are keyframes, which are damaged.
 
-    ``complaints``: the numbers of the packets that the container damaged, or before which it lost others.
+    ``complaints``: the numbers of the packets that the container damaged, or before which it lost others. ``edge``: time of
+    the last frame of a file that was cut, where frames that are shown before it may have come after it.
     """
 
     frames: int = 0
     keys: list[int] = field(default_factory=list)
     complaints: set[int] = field(default_factory=set)
+    edge: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +152,8 @@ class VideoFile:
                 self.codec = named[0][1].strip() if named else self.codec
                 raise self._not_decodable()
             self.codec = stream.codec.name
-            rate: Fraction | None = stream.average_rate or stream.guessed_rate
+            rates: tuple[Fraction | None, ...] = (stream.average_rate, stream.guessed_rate)
+            rate = next(filter(None, rates if container.duration else rates[::-1]), None)  # raw streams: in the codec
             self.fps = float(rate) if rate else None
         self._survey = self._read_packets()
         self.total = self._survey.frames
@@ -181,9 +184,10 @@ class VideoFile:
                     lost += [] if frame.pts is None else [frame.pts]
                     continue
                 # a frame that was decoded before the damage may be shown after those that are lost
+                edge = frame.pts is not None and frame.pts == self._survey.edge
                 passed = [time for time in lost if frame.pts is not None and time < frame.pts]
                 lost = [time for time in lost if time not in passed]
-                if fault is not None or (given and passed):
+                if fault is not None or (given and (passed or edge)):
                     holes.append(given)
                 if fault is not None:
                     start, guessed = origin, guessed or keyless
@@ -266,7 +270,7 @@ class VideoFile:
 
     def _read_packets(self) -> _Survey:
         """Reads all packets without decoding them; what a container complains of is known from libav's messages only."""
-        survey, number = _Survey(), 0
+        survey, number, times = _Survey(), 0, list[int]()
         with _errors() as messages, self._open() as container:
             stream, name = self._stream(container), container.format.name
             again = _taken(messages, name)
@@ -282,12 +286,15 @@ class VideoFile:
                     survey.complaints |= {number - 1, number}
                 if packet.is_corrupt or (self.codec in TRUSTING and ZEROS in bytes(packet).rstrip(b"\0")):
                     survey.complaints.add(number)
+                times += [] if packet.pts is None else [packet.pts]
                 if packet.is_keyframe:
                     survey.keys.append(number)
                 survey.frames += not packet.is_discard
                 number += 1
             if _taken(messages, name):
                 survey.complaints.add(number)
+        if survey.complaints & {number - 1, number} and times != sorted(times):
+            survey.edge = max(times)
         return survey
 
     def _stream(self, container: InputContainer) -> VideoStream:
