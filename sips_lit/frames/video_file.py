@@ -24,6 +24,7 @@ from av.codec.context import Flags
 from av.container import InputContainer
 from av.sidedata.sidedata import Type as SideDataType
 from av.stream import Disposition
+from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
@@ -44,10 +45,14 @@ _LOGGING = threading.Lock()  # the level of libav's messages belongs to the proc
 
 @dataclass(frozen=True, slots=True)
 class VideoFrame:
-    """A decoded frame; ``after_hole``: frames between it and the one before it could not be decoded."""
+    """A decoded frame; ``after_hole``: frames between it and the one before it could not be decoded.
+
+    ``reformatter`` is shared by the frames of a video: to make one takes longer than to use it.
+    """
 
     decoded: av.VideoFrame
     after_hole: bool
+    reformatter: VideoReformatter
 
     @property
     def size(self) -> tuple[int, int]:
@@ -76,7 +81,8 @@ class VideoFrame:
         return to_grey(self.values(), "a frame", span)
 
     def _as(self, form: str) -> NDArray[Any]:
-        return self.decoded.reformat(format=form, interpolation="BICUBIC").to_ndarray()  # as OpenCV has it
+        converted = self.reformatter.reformat(self.decoded, format=form, interpolation="BICUBIC")  # as OpenCV has it
+        return converted.to_ndarray()
 
     def _upright(self, image: NDArray[Any]) -> NDArray[Any]:
         x, y, across = self._matrix
@@ -86,7 +92,7 @@ class VideoFrame:
     @property
     def _matrix(self) -> tuple[int, int, bool]:
         """How the display matrix turns and mirrors: the signs of x and y, after they are swapped or not."""
-        given = self.decoded.side_data.get(SideDataType.DISPLAYMATRIX)
+        given = cast(Any, self.decoded.side_data).get(SideDataType.DISPLAYMATRIX)
         a, b, _, c, d = struct.unpack("5i", bytes(given)[:20]) if given else (1, 0, 0, 0, 1)
         return (c, b, True) if abs(b) > abs(a) else (a, d, False)
 
@@ -123,7 +129,7 @@ class VideoFile:
     """A video, whose iteration gives every frame that can be decoded.
 
     Damage (a packet that is lost, cut or not decodable) does not end it: frames are taken again from the next keyframe on,
-    or where none follows, as soon as the decoder finds no fault. After an iteration ``damage`` says in a sentence what is
+    or where none follows, as soon as the decoder finds no fault; until then none that needs what is damaged. After an iteration ``damage`` says in a sentence what is
     missing, None if nothing is. Numbers that the container promises don't count: dropped, trimmed and empty frames are
     no damage, nor is a beginning before the first keyframe.
 
@@ -155,7 +161,7 @@ class VideoFile:
             rates: tuple[Fraction | None, ...] = (stream.average_rate, stream.guessed_rate)
             rate = next(filter(None, rates if container.duration else rates[::-1]), None)  # raw streams: in the codec
             self.fps = float(rate) if rate else None
-        self._survey = self._read_packets()
+            self._survey = self._read_packets(container, stream, messages)
         self.total = self._survey.frames
 
     @functools.cached_property
@@ -169,7 +175,7 @@ class VideoFile:
         return find_span(len(sample), lambda index: sample[index])
 
     def __iter__(self) -> Iterator[VideoFrame]:
-        self.damage, keys = None, self._survey.keys
+        self.damage, keys, reformatter = None, self._survey.keys, VideoReformatter()
         faults: list[int] = []  # numbers of damaged packets, sorted
         start = 0  # faults before this packet do no harm any more
         given, holes, guessed = 0, list[int](), False  # frames given so far; how many were given before each hole
@@ -191,7 +197,7 @@ class VideoFile:
                     holes.append(given)
                 if fault is not None:
                     start, guessed = origin, guessed or keyless
-                yield VideoFrame(frame, after_hole=given > 0 and given in holes[-1:])
+                yield VideoFrame(frame, given > 0 and given in holes[-1:], reformatter)
                 given += 1
         if not given:
             raise self._not_decodable()
@@ -268,31 +274,31 @@ class VideoFile:
         rest = "; no keyframe follows the last, so that later frames may be wrong in parts" if guessed else ""
         return f"{self.path} is damaged: {' and '.join(said)}; at least {missing} can't be decoded{rest}"
 
-    def _read_packets(self) -> _Survey:
+    def _read_packets(
+        self, container: InputContainer, stream: VideoStream, messages: list[tuple[int, str, str]]
+    ) -> _Survey:
         """Reads all packets without decoding them; what a container complains of is known from libav's messages only."""
-        survey, number, times = _Survey(), 0, list[int]()
-        with _errors() as messages, self._open() as container:
-            stream, name = self._stream(container), container.format.name
-            again = _taken(messages, name)
-            if again:  # libav has read ahead to open it: read that again, to learn which packet the message is about
-                try:
-                    container.seek(0, stream=stream)
-                except av.FFmpegError:  # then nothing tells; the first is as likely as any
-                    survey.complaints.add(0)
-            for packet in _packets(container, stream):
-                if _taken(messages, name) and not (
-                    again and number == 0
-                ):  # the packet before may have been read too far
-                    survey.complaints |= {number - 1, number}
-                if packet.is_corrupt or (self.codec in TRUSTING and ZEROS in bytes(packet).rstrip(b"\0")):
-                    survey.complaints.add(number)
-                times += [] if packet.pts is None else [packet.pts]
-                if packet.is_keyframe:
-                    survey.keys.append(number)
-                survey.frames += not packet.is_discard
-                number += 1
-            if _taken(messages, name):
+        survey, number, times, name = _Survey(), 0, list[int](), container.format.name
+        again = _taken(messages, name)
+        if again:  # libav has read ahead to open it: read that again, to learn which packet the message is about
+            try:
+                container.seek(0, stream=stream)
+            except av.FFmpegError:  # then nothing tells; the first is as likely as any
+                survey.complaints.add(0)
+        for packet in _packets(container, stream):
+            said = _taken(messages, name)
+            if said and (number or not again):  # the packet before may have been read too far
+                survey.complaints |= {number - 1, number}
+            if packet.is_corrupt or (self.codec in TRUSTING and ZEROS in bytes(packet).rstrip(b"\0")):
                 survey.complaints.add(number)
+            if packet.pts is not None:
+                times.append(packet.pts)
+            if packet.is_keyframe:
+                survey.keys.append(number)
+            survey.frames += not packet.is_discard
+            number += 1
+        if _taken(messages, name):
+            survey.complaints.add(number)
         if survey.complaints & {number - 1, number} and times != sorted(times):
             survey.edge = max(times)
         return survey
@@ -336,8 +342,8 @@ def _errors(level: int = av.logging.ERROR) -> Iterator[list[tuple[int, str, str]
 
 
 def _taken(messages: list[tuple[int, str, str]], name: str) -> bool:
-    """Whether ``name`` is among those who said something; empties the list."""
-    said = any(who == name for _, who, _ in messages)
+    """Whether ``name`` is among those who told an error; empties the list."""
+    said = any(level <= av.logging.ERROR and who == name for level, who, _ in messages)
     messages.clear()
     return said
 
