@@ -129,9 +129,9 @@ class VideoFile:
     """A video, whose iteration gives every frame that can be decoded.
 
     Damage (a packet that is lost, cut or not decodable) does not end it: frames are taken again from the next keyframe on,
-    or where none follows, as soon as the decoder finds no fault; until then none that needs what is damaged. After an iteration ``damage`` says in a sentence what is
-    missing, None if nothing is. Numbers that the container promises don't count: dropped, trimmed and empty frames are
-    no damage, nor is a beginning before the first keyframe.
+    and until then none that needs what is damaged; or where no keyframe follows, as soon as the decoder finds no fault.
+    After an iteration ``damage`` says in a sentence what is missing, None if nothing is. Numbers that the container promises
+    don't count: dropped, trimmed and empty frames are no damage, nor is a beginning before the first keyframe.
 
     ``total``: how many frames the packets should give; ``fps``: frames per second, None if the file does not say;
     ``codec``: its name. Raises BadInputError when the file can't be opened, has no video, or is of a codec that can't be
