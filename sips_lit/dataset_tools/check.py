@@ -16,6 +16,7 @@ from sips_lit.dataset_tools.recognise import DataSet
 from sips_lit.datasets.spec import Part
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
+from sips_lit.frames.video import check_shape
 from sips_lit.frames.video_file import VideoFile
 from sips_lit.types import ImageSequence
 
@@ -176,6 +177,7 @@ def check_video(file: Path, advance: Callable[[int], object] = lambda frames: No
     try:
         video = VideoFile(file)
         for frame in video:
+            check_shape(frame.size, next(iter(report.sizes), frame.size), f"{file}, frame {report.frames},")
             report.sizes[frame.size] += 1
             report.frames += 1
             advance(1)

@@ -255,12 +255,16 @@ def _every(source: VideoFile, stride: int) -> Iterator[tuple[VideoFrame, bool]]:
 
 def _fitted(image: GreyImage, size: tuple[int, int], name: str) -> GreyImage:
     """The image scaled to ``size`` (W, H). Raises BadInputError where its shape is another one."""
-    height, width = image.shape
-    if abs(width * size[1] / (height * size[0]) - 1) > SHAPE_TOLERANCE:
-        raise BadInputError(
-            f"{name} is {width}x{height}, of another shape than the frames before: split the video there"
-        )
+    check_shape(image.shape[::-1], size, name)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def check_shape(size: tuple[int, ...], before: tuple[int, int], name: str) -> None:
+    """Raises BadInputError where a ``size`` (W, H) is not that of frames ``before`` or a scale of it."""
+    if abs(size[0] * before[1] / (size[1] * before[0]) - 1) > SHAPE_TOLERANCE:
+        raise BadInputError(
+            f"{name} is {size[0]}x{size[1]}, of another shape than the frames before: split the video there"
+        )
 
 
 def _check_space(file: Path, folder: Path, needed: int) -> None:

@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ from sips_lit.dataset_tools.check import DataSetReport, check, check_sequence, c
 from sips_lit.dataset_tools.recognise import DataSet, recognise
 from sips_lit.datasets import kitti, rgbd
 from sips_lit.errors import BadInputError
+from sips_lit.frames.video import video
 from sips_lit.types import Camera
 
 
@@ -113,6 +115,16 @@ def test_a_video_is_decoded_to_its_end(tmp_path):
     report = check_video(write_video(tmp_path / "a.mp4"))
     assert (report.frames, dict(report.sizes), report.unreadable) == (12, {(64, 48): 12}, [])
     assert report.rate == pytest.approx(20)
+
+
+def test_a_video_that_changes_its_shape_is_told_as_its_loader_says(tmp_path):
+    path = tmp_path / "turned.mjpeg"
+    images = [np.full(size, 90, np.uint8) for size in ((48, 64), (24, 32), (64, 48))]
+    path.write_bytes(b"".join(cv2.imencode(".jpg", image)[1].tobytes() for image in images for _ in range(2)))
+    (problem,) = check_video(path).unreadable
+    assert problem == f"{path}, frame 4, is 48x64, of another shape than the frames before: split the video there"
+    with pytest.raises(BadInputError, match=re.escape(problem)):
+        video(path, tmp_path / "cache")
 
 
 def test_a_file_that_is_no_video(tmp_path):
