@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any, TypeVar, cast
+from typing import Any, Never, TypeVar, cast
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -89,6 +89,8 @@ def _errors_of_hydra() -> Iterator[None]:
     os.environ[name] = "1"  # else Hydra prints a traceback of its own
     try:
         yield
+    except BrokenPipeError:
+        _leave_pipe()
     except Exception as error:
         sentence = None if isinstance(error, CompactHydraException) else explain(error)
         if asked:
@@ -141,6 +143,8 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        _leave_pipe()
     except SystemExit as stop:
         if stop.code == TERMINATED:
             print("terminated", file=sys.stderr)
@@ -186,6 +190,12 @@ def _terminate(number: int, frame: FrameType | None) -> None:
         os.kill(os.getppid(), number)  # of several processes of a training: the one that launched this ends all
     else:
         sys.exit(128 + number)
+
+
+def _leave_pipe() -> Never:
+    """Ends without a word, as others do whose reader has seen enough (``| head``)."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is flushed at the end
+    sys.exit(128 + signal.SIGPIPE)
 
 
 class JobFailed(CompactHydraException):

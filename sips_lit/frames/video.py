@@ -23,7 +23,8 @@ from sips_lit.frames.images import resize_max_side
 from sips_lit.frames.listing import VIDEO_SUFFIXES, list_files, warn_of_others
 from sips_lit.frames.recording import Recording, RecordingLoader
 from sips_lit.frames.shots import find_cuts
-from sips_lit.frames.video_file import VideoFile, VideoFrame
+from sips_lit.frames.video_file import VideoFile
+from sips_lit.frames.video_frame import VideoFrame
 from sips_lit.progress import progress
 from sips_lit.types import GreyImage, ImageSequence
 

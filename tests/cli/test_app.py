@@ -3,6 +3,8 @@ import os
 import re
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 from dataclasses import dataclass
 from typing import Any
@@ -223,3 +225,16 @@ def test_a_file_of_the_configuration_that_can_not_be_read(command, folders, cont
     (folders / "experiment" / "mine.yaml").write_bytes(content)
     result = command("index", "--config-dir", folders, "+experiment=mine", "data=folder", "data.path=x")
     assert re.search(f"a file of the configuration can't be read: .*{reason}", result.sentence)
+
+
+@pytest.mark.parametrize("given", [["detect", "--help"], ["train", "--cfg", "job"], ["data", "--help"]])
+def test_a_reader_that_has_seen_enough_is_no_error(given):
+    name, *arguments = given
+    child = subprocess.Popen(
+        [sys.executable, "-c", f"from sips_lit.cli.{name} import main; main()", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    child.stdout.close()
+    assert child.stderr.read() == b""
+    assert child.wait() == 128 + signal.SIGPIPE
