@@ -227,7 +227,7 @@ def test_a_file_of_the_configuration_that_can_not_be_read(command, folders, cont
     assert re.search(f"a file of the configuration can't be read: .*{reason}", result.sentence)
 
 
-@pytest.mark.parametrize("given", [["detect", "--help"], ["train", "--cfg", "job"], ["data", "--help"]])
+@pytest.mark.parametrize("given", [["detect", "--help"], ["train", "--cfg", "job"]])
 def test_a_reader_that_has_seen_enough_is_no_error(given):
     name, *arguments = given
     child = subprocess.Popen(
