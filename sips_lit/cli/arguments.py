@@ -20,7 +20,8 @@ PATH_KEYS: Final = frozenset(
     | {"cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir", "names"}
 )
 """Last parts of the keys that hold paths and names of files; all keys of the group ``paths`` do, too."""
-_OVERRIDE = re.compile(r"(\+{0,2})([\w.@/-]+)=(.*)", re.DOTALL)
+_KEY = r"(\+{0,2})([\w.@/-]+)"
+_OVERRIDE = re.compile(rf"{_KEY}=(.*)", re.DOTALL)
 _STAYS = re.compile(r"null|\?\?\?|(['\"]).*\1", re.DOTALL)
 _SWEEP = re.compile(r"(choice|glob|range|sort|shuffle)\(.*\)", re.DOTALL)
 _MULTIRUN = frozenset({"-m", "--multirun", "hydra.mode=MULTIRUN"})
@@ -38,10 +39,15 @@ def as_typed(arguments: Sequence[str]) -> list[str]:
     several = not _MULTIRUN.isdisjoint(arguments)
     typed = [_typed(argument, several) for argument in arguments]
     parser = OverridesParser.create()
-    for argument in typed:
-        key, equals, value = argument.partition("=")
-        if argument.startswith("-") or not equals:
-            continue
+    for before, argument in zip(["", *typed], typed, strict=False):
+        if argument.startswith(("-", "~")) or (before.startswith("-") and before not in _MULTIRUN):
+            continue  # options and what they take
+        key, equals, value = (part.strip() for part in argument.partition("="))
+        if not equals or not re.fullmatch(_KEY, key):
+            raise BadInputError(
+                f"the argument {argument} is no key=value, such as data.path=... or input=...: write both in one word, and "
+                "in quotes for the shell where there are spaces in it"
+            )
         try:
             parser.parse_override(argument)
         except HydraException as error:
@@ -57,7 +63,7 @@ def _typed(argument: str, several: bool) -> str:
     if match is None or not holds_path(match[2]):
         return argument
     value = match[3]
-    if not several:
+    if not several or match[2].startswith("hydra."):  # Hydra's own keys can't be swept
         value = _as_text(value)
     elif not _SWEEP.fullmatch(value):
         value = ",".join(map(_as_text, _items(value)))
