@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -145,7 +146,7 @@ def _sequences(root: Path, max_side: int | None, names: str | None) -> list[Imag
     frames = {sub: _frames(sub, own, names) for sub, own in below.items()}
     conflict = in_folders(folder_groups({sub.name: own for sub, own in frames.items()}))
     if conflict:
-        choices = [f"data.path={root / group.name}" for group in frames_among(conflict) or conflict]
+        choices = [shlex.quote(f"data.path={root / group.name}") for group in frames_among(conflict) or conflict]
         raise BadInputError(
             f"the folders of {root} hold images of different kinds, {_some(conflict)}: give the one with the frames, "
             f"{' or '.join(choices[:SHOWN])}, or a list of folders; sips-data check {root} tells which data= reads depth "
@@ -179,7 +180,7 @@ def images_named(root: Path, images: Sequence[Path], names: str, key: str = "dat
 
 def different_kinds(root: Path, conflict: Sequence[ImageGroup], key: str) -> BadInputError:
     """The error for a folder with groups of images in conflict: the choices are values of ``key``."""
-    named = [f"{key}={group.name}" for group in frames_among(conflict) or conflict if "*" in group.name]
+    named = [shlex.quote(f"{key}={group.name}") for group in frames_among(conflict) or conflict if "*" in group.name]
     way = f"set {' or '.join(named[:SHOWN])} to read these alone, or " if len(conflict) > 1 and named else ""
     return BadInputError(
         f"{root} has images of different kinds, {_some(conflict)}: {way}put each kind into a folder of its own; "

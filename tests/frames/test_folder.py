@@ -192,7 +192,7 @@ def test_colour_and_depth_in_one_folder(tmp_path: Path):
         BadInputError, match=r"different kinds, 6 frame-\*\.color\.png \(8-bit colour\).*16-bit"
     ) as caught:
         folder(tmp_path)
-    assert "set data.names=frame-*.color.png to read these alone" in str(caught.value)
+    assert "set 'data.names=frame-*.color.png' to read these alone" in str(caught.value)
     with pytest.warns(InputWarning, match="6 files are no frames"):
         (sequence,) = folder(tmp_path, names="frame-*.color.png")
     assert len(sequence) == 6
@@ -205,7 +205,7 @@ def test_colour_and_depth_in_one_folder(tmp_path: Path):
 def test_two_cameras_in_one_folder(tmp_path: Path):
     for camera in (0, 1, 2):
         write_images(tmp_path, f"cam{camera}_{{:03d}}.png", "grey")
-    with pytest.raises(BadInputError, match=r"set data\.names=cam0_\*\.png or data\.names=cam1_\*\.png or"):
+    with pytest.raises(BadInputError, match=r"set 'data\.names=cam0_\*\.png' or 'data\.names=cam1_\*\.png' or"):
         folder(tmp_path)
     with pytest.warns(InputWarning, match="12 files are no frames"):
         (sequence,) = folder(tmp_path, names="cam1_*.png")

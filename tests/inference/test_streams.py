@@ -116,13 +116,13 @@ def test_one_range_for_a_folder_of_thermal_images(tmp_path):
 def test_depth_maps_and_masks_are_no_frames(tmp_path):
     write_images(tmp_path / "a", "frame-{:06d}.color.png", "colour")
     write_images(tmp_path / "a", "frame-{:06d}.depth.png", "depth")
-    with pytest.raises(BadInputError, match=r"set names=frame-\*\.color\.png to read these alone"):
+    with pytest.raises(BadInputError, match=r"set 'names=frame-\*\.color\.png' to read these alone"):
         open_stream(tmp_path / "a", colour=True)
     frames = list(open_stream(tmp_path / "a", colour=True, names="frame-*.color.png"))
     assert [frame.name for frame in frames] == [f"frame-{i:06d}.color" for i in range(6)]
     write_images(tmp_path / "b", "r_{}.png", "colour")
     write_images(tmp_path / "b", "r_{}_depth_0001.png", "colour")
-    with pytest.raises(BadInputError, match=r"set names=r_\*\.png"):
+    with pytest.raises(BadInputError, match=r"set 'names=r_\*\.png'"):
         open_stream(tmp_path / "b", colour=True)
     for side in ("left", "right"):  # two cameras are no reason not to see their points
         write_images(tmp_path / "c", side + "{}.png", "grey")
