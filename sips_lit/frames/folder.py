@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.files import safe_name
 from sips_lit.frames.image_kind import (
+    ImageGroup,
     by_pattern,
     folder_groups,
     frames_among,
@@ -144,7 +146,7 @@ def _sequences(root: Path, max_side: int | None, names: str | None) -> list[Imag
     frames = {sub: _frames(sub, own, names) for sub, own in below.items()}
     conflict = in_folders(folder_groups({sub.name: own for sub, own in frames.items()}))
     if conflict:
-        choices = [f"data.path={root / group.name}" for group in frames_among(conflict) or conflict]
+        choices = [shlex.quote(f"data.path={root / group.name}") for group in frames_among(conflict) or conflict]
         raise BadInputError(
             f"the folders of {root} hold images of different kinds, {_some(conflict)}: give the one with the frames, "
             f"{' or '.join(choices[:SHOWN])}, or a list of folders; sips-data check {root} tells which data= reads depth "
@@ -156,23 +158,34 @@ def _sequences(root: Path, max_side: int | None, names: str | None) -> list[Imag
 def _frames(root: Path, images: Sequence[Path], names: str | None) -> list[Path]:
     """The images of a folder that are frames. Raises BadInputError where that is not clear."""
     if names is not None:
-        frames = [file for file in images if pattern(file) == names]
-        if not frames:
-            raise BadInputError(
-                f"{root} has no images named {names} (data.names, where * is a number), but {_some(by_pattern(images))}"
-            )
+        frames = images_named(root, images, names)
     else:
         frames = without_strays(images)
         conflict = in_one_folder(name_groups(frames))
         if conflict:
-            named = [f"data.names={group.name}" for group in frames_among(conflict) or conflict if "*" in group.name]
-            way = f"set {' or '.join(named[:SHOWN])} to read these alone, or " if len(conflict) > 1 and named else ""
-            raise BadInputError(
-                f"{root} has images of different kinds, {_some(conflict)}: {way}put each kind into a folder of its own; "
-                f"sips-data check {root} tells which data= reads depth and poses"
-            )
+            raise different_kinds(root, conflict, "data.names")
     warn_of_others(root, frames, "frames")
     return frames
+
+
+def images_named(root: Path, images: Sequence[Path], names: str, key: str = "data.names") -> list[Path]:
+    """The images of a folder with such names, in which * is a number. Raises BadInputError without any."""
+    found = [file for file in images if pattern(names).fullmatch(file.name)]
+    if not found:
+        raise BadInputError(
+            f"{root} has no images named {names} ({key}, where * is a number), but {_some(by_pattern(images))}"
+        )
+    return found
+
+
+def different_kinds(root: Path, conflict: Sequence[ImageGroup], key: str) -> BadInputError:
+    """The error for a folder with groups of images in conflict: the choices are values of ``key``."""
+    named = [shlex.quote(f"{key}={group.name}") for group in frames_among(conflict) or conflict if "*" in group.name]
+    way = f"set {' or '.join(named[:SHOWN])} to read these alone, or " if len(conflict) > 1 and named else ""
+    return BadInputError(
+        f"{root} has images of different kinds, {_some(conflict)}: {way}put each kind into a folder of its own; "
+        f"sips-data check {root} tells which data= reads depth and poses"
+    )
 
 
 def _some(things: Iterable[object]) -> str:

@@ -19,6 +19,10 @@ DIFFERENT = {
     "masks": ([("{:04d}.png", "colour"), ("{:04d}_mask.png", "mask")], "*.png"),
     "masks of one name": ([("{:04d}.jpg", "colour"), ("{:04d}.png", "mask")], "*.jpg"),
     "masks of a grey camera": ([("img_{:04d}.png", "grey"), ("mask_{:04d}.png", "mask")], "img_*.png"),
+    "names of Blender": ([("r_{}.png", "colour"), ("r_{}_depth_0001.png", "colour")], "r_*.png"),
+    "words in one": ([("rgbImage{:03d}.png", "colour"), ("depthMap{:03d}.png", "colour")], "rgbImage*.png"),
+    "two cameras": ([("cam0_{:03d}.png", "grey"), ("cam1_{:03d}.png", "grey")], None),
+    "cameras last": ([("{:06d}_0.png", "grey"), ("{:06d}_1.png", "grey")], None),
     "unknown words": ([("one{:04d}.png", "grey"), ("two{:04d}.png", "grey")], None),
 }
 
@@ -60,6 +64,13 @@ ALIKE = {
     "HPatches with another 1": [("{}.ppm", "colour", range(1, 7)), ("{}.jpg", "colour", (1,))],
     "two parts": [("a{:03d}.png", "grey", range(9)), ("b{:03d}.png", "grey", range(9, 20))],
     "one file of another format": [("{:04d}.jpg", "colour", range(9)), ("{:04d}.png", "colour", (9,))],
+    "two cameras one after the other": [
+        ("cam0_{:02d}.png", "grey", range(9)),
+        ("cam1_{:02d}.png", "grey", range(9, 20)),
+    ],
+    "scenes": [("scene1_{:02d}.png", "grey", range(9)), ("scene2_{:02d}.png", "grey", range(9))],
+    "tenths of seconds": [(f"15482664{i:02d}" + "_{}.png", "grey", range(0, 10, 2)) for i in range(4)],
+    "pairs of KITTI": [("{:06d}_10.png", "grey", range(9)), ("{:06d}_11.png", "grey", range(9))],
     "words": [("church{}.jpg", "colour", ("",)), ("tower{}.jpg", "grey", ("",)), ("bridge{}.jpg", "colour", ("",))],
     "hashes": [(f"{0x3FA9B1 * i:x}" + "{}.png", "colour" if i % 3 else "grey", ("",)) for i in range(1, 30)],
 }
