@@ -215,9 +215,9 @@ KINDS = {
     "colour and depth in one folder": Kind(
         colour_and_depth,
         {
-            GROUPS: r"error: .*different kinds, 24 \*\.png .*, 24 \*_depth\.png \(16-bit grey\): set data\.names=\*\.png",
+            GROUPS: r"error: .*different kinds, 24 \*\.png .*, 24 \*_depth\.png \(16-bit grey\): set 'data\.names=\*\.png",
             "check": "24 files are no frames and are not read: 000_depth.png, ",
-            "detect": r"different kinds, 24 \*\.png .*, 24 \*_depth\.png \(16-bit grey\): all are read",
+            "detect": r"error: .*different kinds, 24 \*\.png .*, 24 \*_depth\.png \(16-bit grey\): set 'names=\*\.png'",
         },
         shows={"check": "data=folder data.path=both 'data.names=*.png'"},
     ),
