@@ -39,7 +39,8 @@ PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
 INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # as a shell has it
 # what a constructor raises for values that it can't take; by name, since not every command loads Lightning
-REFUSED = ("TypeError", "ValueError", "MisconfigurationException")
+MISCONFIGURED = "MisconfigurationException"
+REFUSED = ("TypeError", "ValueError", MISCONFIGURED)
 Options = TypeVar("Options")
 ALMOST_FULL = 1 << 20  # bytes: what failed to be written may have been more than a block
 _LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
@@ -262,6 +263,8 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             plain = None if config is None else OmegaConf.to_container(config)
             key = origin(named[1] if named else str(cause.full_key), plain)
             return f"{key} is not set: add {key}=... to the command"
+        if type(cause).__name__ == MISCONFIGURED:
+            return str(cause)  # values that Lightning finds to fit the data or each other only when it has both
         if isinstance(cause, InstantiationException) and type(cause.__cause__).__name__ in REFUSED:
             where = re.search(r"full_key: (\S+)", str(cause))
             return f"{where[1] if where else 'the configuration'} can't be made: {cause.__cause__}"
@@ -288,8 +291,11 @@ def full_disk(error: OSError, config: DictConfig | None) -> str:
     """Which disk is full: that of the file, or, where the error names none, those without space that a run writes to."""
     if isinstance(error.filename, str):
         return unwritten(Path(error.filename), error)
-    written: Any = {} if config is None else config.get("paths", {})
-    paths = [str(path) for path in written.values() if path]
+    if config is None:  # Hydra's own files, of which it tells no name
+        given = (argument.rpartition("=")[2].strip("'\"") for argument in sys.argv[1:])
+        paths = [*given, os.environ.get("SIPS_LIT_OUTPUTS", ".")]
+    else:
+        paths = [str(path) for path in config.get("paths", {}).values() if path]
     disks = {disk_of(Path(path)) for path in (*paths, tempfile.gettempdir())}
     full = ", ".join(sorted(str(disk) for disk in disks if shutil.disk_usage(disk).free < ALMOST_FULL))
     return f"the disk {full or 'of the outputs'} is full: free some space on it, or write elsewhere (hydra.run.dir=...)"
