@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 from sips_lit.files import can_be_path, read_text
+from sips_lit.frames.listing import some_of
 from sips_lit.types import Camera
 
-SHOWN = 6  # names that an error lists
 NEAREST, FARTHEST = 0.01, 1000  # focal lengths, in sides of an image: of a fisheye, and of a telescope
 FURTHEST = 1e9  # metres from the origin that a camera may be
 
@@ -74,12 +74,6 @@ def describe_place(place: Path) -> str:
         return f"the folder {place} does not exist{exists}"
     entries = sorted(p.name + "/" * p.is_dir() for p in place.iterdir() if not p.name.startswith("."))
     return f"{place} has {some_of(entries)}" if entries else f"the folder {place} is empty"
-
-
-def some_of(names: Sequence[str]) -> str:
-    """The first names, and how many more there are."""
-    first = ", ".join(names[:SHOWN])
-    return f"{first} and {len(names) - SHOWN} more" if len(names) > SHOWN else first
 
 
 def expect_size(image: NDArray[Any], size: tuple[int, ...], what: str, whose: str, hint: str = "") -> None:

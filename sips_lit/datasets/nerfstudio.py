@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sips_lit.datasets.layout import check_pose, json_camera, json_numbers, listed_file, read_json, wrong_layout
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames, read_array
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError, warn_input
@@ -43,12 +42,8 @@ def nerfstudio(
         groups = _read(folder, depth_unit)
         names = [name] if len(groups) == 1 else [f"{name}_{number}" for number in range(len(groups))]
         for own, frames in zip(names, groups, strict=True):
-            sequences += rgbd_sequences({own: folder}, partial(_given, frames), max_side, drop_incomplete)
+            sequences.append(rgbd_sequence(own, folder, frames, max_side, drop_incomplete))
     return sequences
-
-
-def _given(frames: RgbdFrames, folder: Path) -> RgbdFrames:
-    return frames
 
 
 def _is_scene(folder: Path) -> bool:
@@ -69,39 +64,31 @@ def _read(folder: Path, unit: float) -> list[RgbdFrames]:
     there = [image for image in in_order(entries) if image.is_file()]
     if len(there) < len(entries):
         warn_input(f"{len(entries) - len(there)} of the {len(entries)} images that {table} names are missing")
-    groups: dict[object, list[tuple[Path, Camera]]] = {}
-    lenses: dict[object, tuple[tuple[float, ...] | None, bool]] = {}
+    groups: dict[tuple[Any, ...], list[tuple[Path, Camera]]] = {}  # by the lens, whether it is equidistant, and others
     for image in there:
         camera, lens, equidistant = _camera(table, image, entries[image])
-        key = (image.parent, camera.size, lens, equidistant, lens and tuple(camera.matrix.ravel()))
+        key = (lens, equidistant, image.parent, camera.size, lens and tuple(camera.matrix.ravel()))
         groups.setdefault(key, []).append((image, camera))
-        lenses[key] = lens, equidistant
     pairs = {key: group for key, group in groups.items() if len(group) >= 2}
     if not pairs:
         raise wrong_layout(f"two images of one camera in {table}", folder, LAYOUT)
     if len(pairs) < len(groups):
         warn_input(f"{len(groups) - len(pairs)} images of {table} are the only ones of their camera and are left out")
-    return [
-        _frames(
-            folder, table, unit, [image for image, _ in group], [camera for _, camera in group], entries, *lenses[key]
-        )
-        for key, group in pairs.items()
-    ]
+    return [_frames(table, unit, group, entries, lens, equidistant) for (lens, equidistant, *_), group in pairs.items()]
 
 
 def _frames(
-    folder: Path,
     table: Path,
     unit: float,
-    images: list[Path],
-    cameras: list[Camera],
+    group: list[tuple[Path, Camera]],
     entries: dict[Path, dict[str, Any]],
     lens: tuple[float, ...] | None,
     equidistant: bool,
 ) -> RgbdFrames:
+    images, cameras = [image for image, _ in group], [camera for _, camera in group]
     named = [entries[image].get("depth_file_path") for image in images]
     where = f"depth_file_path in {table}"
-    depths = [listed_file(folder, name, where) if isinstance(name, str) else None for name in named]
+    depths = [listed_file(table.parent, name, where) if isinstance(name, str) else None for name in named]
     depths = [depth if depth and depth.is_file() else None for depth in depths]
     size = first_size(images)
     if size != cameras[0].size:

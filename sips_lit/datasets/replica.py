@@ -15,7 +15,7 @@ from sips_lit.datasets.layout import (
     read_rows,
     read_table,
 )
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
@@ -37,7 +37,7 @@ def replica(path: str | Path, drop_incomplete: bool = False, max_side: int | Non
     another layout, and files that do not fit.
     """
     folders = sequence_folders(Path(path), _is_scene, "scene of Replica", LAYOUT)
-    return rgbd_sequences(folders, _read, max_side, drop_incomplete)
+    return [rgbd_sequence(name, place, _read(place), max_side, drop_incomplete) for name, place in folders.items()]
 
 
 def _is_scene(folder: Path) -> bool:

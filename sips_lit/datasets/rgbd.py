@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sips_lit.datasets.layout import expect, json_camera, json_numbers, read_json, read_pose_rows, wrong_layout
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, any_of, at_least
 from sips_lit.datasets.tum_rgbd import read_tum
@@ -47,7 +47,7 @@ def rgbd(
         return read_tum(folder, tolerance, intrinsics) if tum else read_simple(folder)
 
     folders = sequence_folders(Path(path), _is_sequence, "RGB-D sequence", LAYOUT)
-    return rgbd_sequences(folders, read, max_side, drop_incomplete)
+    return [rgbd_sequence(name, place, read(place), max_side, drop_incomplete) for name, place in folders.items()]
 
 
 def _is_sequence(folder: Path) -> bool:

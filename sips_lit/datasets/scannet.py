@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.datasets.layout import expect_camera, files_there, read_pose_file, read_table, wrong_layout
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
@@ -33,7 +33,7 @@ def scannet(path: str | Path, drop_incomplete: bool = False, max_side: int | Non
     shrink images whose longer side exceeds it (pixels). Raises BadInputError for another layout, and what does not fit.
     """
     folders = sequence_folders(Path(path), _is_scan, "export of ScanNet", LAYOUT)
-    return rgbd_sequences(folders, _read, max_side, drop_incomplete)
+    return [rgbd_sequence(name, place, _read(place), max_side, drop_incomplete) for name, place in folders.items()]
 
 
 def _is_scan(folder: Path) -> bool:

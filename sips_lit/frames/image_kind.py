@@ -132,42 +132,34 @@ def without_strays(files: Sequence[Path]) -> list[Path]:
     return [file for file in files if file not in single]
 
 
-def name_groups(files: Sequence[Path]) -> list[ImageGroup]:
-    """The images of a folder by the pattern of their names, and in one group without a * those that share it with none."""
-    groups = by_pattern(files)
-    single = [own[0] for own in groups.values() if len(own) == 1]
-    named = [group_of(name, own) for name, own in groups.items() if len(own) > 1]
-    return [*named, group_of("others", single)] if single else named
+def in_one_folder(files: Sequence[Path]) -> list[ImageGroup]:
+    """Of the images of a folder those groups, by the pattern of their names, that can't be one sequence; none if all can.
 
-
-def folder_groups(folders: Mapping[str, Sequence[Path]]) -> list[ImageGroup]:
-    """The images of several folders, by the names of the folders."""
-    return [group_of(name, own) for name, own in folders.items()]
-
-
-def in_one_folder(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
-    """Those groups of a folder that can't be one sequence; none if all can.
-
-    Images of 8 and 16 bits; two patterns of names of which one is grey and the other in colour, or one of depth maps, masks
-    and the like; and two patterns with the same numbers, or with times that mix. Single grey images among coloured ones of
-    the same pattern are frames.
+    Images of 8 and 16 bits; two patterns of which one is grey and the other in colour, or one of depth maps, masks and the
+    like; and two patterns with the same numbers, or with times that mix. Single grey images among coloured ones of the same
+    pattern are frames. Those whose pattern is of none else are in one group, whose name has no *.
     """
-    if len(frozenset().union(*(group.bits for group in groups))) > 1:
-        return list(groups)
+    patterns = by_pattern(files)
+    groups = [group_of(name, own) for name, own in patterns.items() if len(own) > 1]
+    single = [own[0] for own in patterns.values() if len(own) == 1]
+    groups += [group_of("others", single)] if single else []
+    if _differ_in_bits(groups):
+        return groups
     named = [group for group in groups if "*" in group.name]
     pairs = [(a, b) for i, a in enumerate(named) for b in named[:i]]
     apart = [(a, b) for a, b in pairs if _differ_in_colour(a, b) or a.no_frames != b.no_frames or _same_moments(a, b)]
     return [group for group in groups if any(group in pair for pair in apart)]
 
 
-def in_folders(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
-    """Those of the folders, side by side, that can't all be sequences of frames; none if all can.
+def in_folders(folders: Mapping[str, Sequence[Path]]) -> list[ImageGroup]:
+    """The images of those of the folders, side by side, that can't all be sequences of frames; none if all can.
 
     Images of 8 and 16 bits; depth maps, masks and the like by the name of the folder, beside images with the same names or
     of another kind; and the same files twice, grey and in colour, or smaller (``images`` and ``images_2``).
     """
-    if len(frozenset().union(*(group.bits for group in groups))) > 1:
-        return list(groups)
+    groups = [group_of(name, own) for name, own in folders.items()]
+    if _differ_in_bits(groups):
+        return groups
     pairs = [(a, b) for a in groups for b in groups if a is not b]
     apart = [(a, b) for a, b in pairs if _is_no_frame_beside(a, b) or _is_smaller(a, b) or _twice(a, b)]
     return [group for group in groups if any(group in pair for pair in apart)]
@@ -183,6 +175,10 @@ def frames_among(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
     left = colour or left
     first = [group for group in left if not group.words & SECOND]
     return first or left
+
+
+def _differ_in_bits(groups: Sequence[ImageGroup]) -> bool:
+    return len(frozenset().union(*(group.bits for group in groups))) > 1
 
 
 def _differ_in_colour(a: ImageGroup, b: ImageGroup) -> bool:
@@ -224,5 +220,5 @@ def _is_smaller(a: ImageGroup, b: ImageGroup) -> bool:
 
 def _twice(a: ImageGroup, b: ImageGroup) -> bool:
     """Whether both have the same frames, one grey and one in colour: names and size agree."""
-    same = {file.stem for file in a.files} == {file.stem for file in b.files}
-    return same and a.size == b.size and _differ_in_colour(a, b)
+    alike = a.size == b.size and _differ_in_colour(a, b)
+    return alike and {file.stem for file in a.files} == {file.stem for file in b.files}

@@ -59,8 +59,13 @@ def warn_of_others(folder: Path, read: Sequence[Path], kind: str) -> None:
     """Counts and names the files of a folder that are not read as ``kind``."""
     others = sorted({file.name for file in visible_files(folder)} - {file.name for file in read})
     if others:
-        more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
-        warn_input(f"{folder}: {len(others)} files are no {kind} and are not read: {', '.join(others[:SHOWN])}{more}")
+        warn_input(f"{folder}: {len(others)} files are no {kind} and are not read: {some_of(others)}")
+
+
+def some_of(things: Iterable[object]) -> str:
+    """The first of several, paths by their names, and how many more there are."""
+    texts = [thing.name if isinstance(thing, Path) else str(thing) for thing in things]
+    return ", ".join(texts[:SHOWN]) + (f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else "")
 
 
 def in_order(files: Iterable[Path]) -> list[Path]:

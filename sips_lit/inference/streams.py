@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.folder import different_kinds, images_named
-from sips_lit.frames.image_kind import group_of, in_one_folder, name_groups
+from sips_lit.frames.image_kind import group_of, in_one_folder
 from sips_lit.frames.images import read_grey, read_values
 from sips_lit.frames.listing import IMAGE_SUFFIXES, VIDEO_SUFFIXES, list_images
 from sips_lit.frames.span import find_span
@@ -60,7 +60,7 @@ def open_stream(path: Path, colour: bool, names: str | None = None) -> FrameStre
             raise BadInputError(f"the folder {path} holds no images: give a folder of images, one image, or a video")
         if names is not None:
             return ImageStream(images_named(path, images, names, "names"), colour)
-        conflict = in_one_folder(name_groups(images))
+        conflict = in_one_folder(images)
         numbered = [group for group in conflict if "*" in group.name]  # others are images that need not be alike
         if any(group.no_frames for group in numbered) or len({bits for group in numbered for bits in group.bits}) > 1:
             raise different_kinds(path, conflict, "names")

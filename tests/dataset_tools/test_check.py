@@ -50,6 +50,44 @@ def test_parts_path_rate_and_damage_are_counted():
     assert report.turn_degrees == pytest.approx(30)
 
 
+class Named(ArraySequence):
+    """Frames with the names that a test gives them."""
+
+    names: tuple[str, ...] = ()
+
+    def frame_name(self, index):
+        return self.names[index]
+
+
+@pytest.mark.parametrize(
+    ("names", "rate", "steps_back"),
+    [
+        (("cam0_1548266470.0", "cam0_1548266470.1", "cam0_1548266470.05"), None, 1),
+        (("1548266470.0", "1548266470.1", "1548266470.2"), 10, 0),
+        (("1548266470_033333333", "1548266470_066666666", "1548266470_099999999"), None, 0),
+        (("0000000000", "0000000001", "0000000002"), None, 0),
+    ],
+)
+def test_times_in_names(names, rate, steps_back):
+    sequence = Named(flight(3).frames)
+    sequence.names = names
+    report = check_sequence(sequence)
+    assert report.steps_back == steps_back
+    assert (None if report.steps_back else report.rate) == (rate if rate is None else pytest.approx(rate, rel=1e-3))
+    remark = f"time steps back {steps_back} times"
+    assert any(remark in said for said in remarks(DataSetReport(DataSet(rgbd.SPEC, Path(), ""), [report]))) == bool(
+        steps_back
+    )
+
+
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_images_without_contrast(level):
+    flat = check_sequence(ArraySequence([np.full((48, 64), level, np.uint8)] * 3))
+    seen = check_sequence(ArraySequence(flight(3).frames))
+    said = remarks(DataSetReport(DataSet(rgbd.SPEC, Path(), ""), [flat, seen]))
+    assert sum("images without contrast" in remark for remark in said) == 1
+
+
 def test_how_much_of_the_depth_is_known():
     class Sparse(ArraySequence):
         def depth(self, index):
