@@ -114,8 +114,10 @@ def test_a_result_is_written_where_it_was_told(tmp_path: Path):
     command = [sys.executable, "-m", "sips_lit.cli.detect", "checkpoint=10", "input=1e3", "output=2024_01_02"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert "10" in done.stderr
     assert "Traceback" not in done.stderr
+    assert " 10" in done.stderr
+    assert "1000" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_names_that_no_file_has():
