@@ -98,7 +98,7 @@ def pytest_in(folder: Path, tests: tuple[str, ...]) -> None:
     import sips_lit
 
     assert Path(sips_lit.__file__).is_relative_to(folder)
-    sys.exit(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *(f"tests/{test}" for test in tests)]))
+    sys.exit(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", *(f"tests/{test}" for test in tests)]))
 
 
 def untouched(tests: tuple[str, ...]) -> int | None:

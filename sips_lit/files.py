@@ -78,6 +78,15 @@ def read_text(path: Path) -> str:
     return data.decode("utf-16" if marked else "utf-8-sig")
 
 
+def can_be_path(name: str) -> bool:
+    """Whether a file system may have a file of that name, with its folders."""
+    try:
+        parts = [os.fsencode(part) for part in re.split(r"[/\\]", name)]
+    except UnicodeEncodeError:
+        return False
+    return all(len(part) <= LONGEST_NAME and b"\0" not in part for part in parts)
+
+
 def write_csv(path: Path, rows: Iterable[Iterable[Any]]) -> None:
     """Writes rows as CSV, whole or not at all: None as nothing, a float as the shortest text that reads back exactly.
 

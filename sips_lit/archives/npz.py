@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.archives.zip_members import LARGEST, check_member, list_members, read_member
+from sips_lit.archives.zip_members import check_member, is_bomb, list_members, read_member
 from sips_lit.errors import BadInputError
 
 PLAIN = "biufU"  # kinds of values: truth, whole numbers, floating-point numbers, text; never objects, which are code
@@ -52,7 +52,6 @@ def read_npz(path: Path, names: Container[str] | None = None) -> dict[str, NDArr
     Raises BadInputError as `npz_members` and `read_array` do, and where all together are too large.
     """
     members = {name: member for name, member in npz_members(path).items() if names is None or name in names}
-    size = sum(member.file_size for member in members.values())
-    if size > LARGEST and size > path.stat().st_size:
-        raise BadInputError(f"{path} claims {size} bytes, more than there can be: get the file again")
+    if is_bomb(path, members.values()):
+        raise BadInputError(f"{path} claims more bytes than there can be: get the file again")
     return {name: read_array(path, member) for name, member in members.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 from threading import get_native_id
 from typing import Final
@@ -29,6 +30,11 @@ def list_members(path: Path, kind: str = "a zip archive") -> list[zipfile.ZipInf
         ) from error
 
 
+def is_bomb(path: Path, members: Iterable[zipfile.ZipInfo]) -> bool:
+    """Whether members claim more bytes together than an archive may hold: `LARGEST`, or its own size if that is more."""
+    return sum(max(m.file_size, m.compress_size) for m in members) > max(LARGEST, path.stat().st_size)
+
+
 def check_member(path: Path, member: zipfile.ZipInfo, instead: str) -> None:
     """Raises BadInputError for a member that `read_member` can't read: encrypted, not stored or deflated, too large.
 
@@ -40,9 +46,8 @@ def check_member(path: Path, member: zipfile.ZipInfo, instead: str) -> None:
         raise BadInputError(f"{where} is encrypted: {instead}")
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise BadInputError(f"{where} is packed by a method other than deflate: {instead}")
-    size = max(member.file_size, member.compress_size)
-    if size > LARGEST and size > path.stat().st_size:
-        raise BadInputError(f"{where} claims {size} bytes, more than there can be: download it again")
+    if is_bomb(path, [member]):
+        raise BadInputError(f"{where} claims {member.file_size} bytes, more than there can be: download it again")
 
 
 def read_member(path: Path, member: zipfile.ZipInfo) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from sips_lit.archives.zip_members import is_bomb, list_members
 from sips_lit.detect.base import best_keypoints
 from sips_lit.detect.selection import image_tensor
 from sips_lit.errors import BadInputError
@@ -43,6 +45,8 @@ def read_weights(path: str | Path) -> dict[str, Any]:
     if not path.is_file():
         raise BadInputError(f"there is no file of weights {path}: correct detector.weights")
     try:
+        if zipfile.is_zipfile(path) and is_bomb(path, list_members(path)):
+            raise ValueError("it unpacks to more than there can be")
         held = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # damaged bytes make the unpickler raise almost anything
         raise BadInputError(f"{path} can't be read as PyTorch weights: it is damaged, or of another kind") from error

@@ -7,19 +7,22 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.archives.h5 import H5File
-from sips_lit.archives.npz import read_npz
+from sips_lit.archives.npz import npz_members, read_npz
 from sips_lit.detect.base import BaseDetector, best_keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey
 from sips_lit.frames.listing import images_below
 from sips_lit.progress import progress
 from sips_lit.types import Features, GreyImage, Keypoints, Norm
+
+PARTS: Final = ("keypoints", "scores", "scales", "descriptors", "image_size")
+"""What may be saved of an image; anything else is not read."""
 
 
 class PrecomputedDetector(BaseDetector):
@@ -157,8 +160,13 @@ class NpzFolder:
         path = self._file(image)
         if path is None:
             raise BadInputError(f"{self.folder} has no features of {image}: add {image.with_suffix('.npz')}")
-        own = {"kpts": "keypoints", "descs": "descriptors"}
-        return _saved({own.get(key, key): values for key, values in read_npz(path).items()}, str(path))
+        own = {key: key for key in PARTS} | {"kpts": "keypoints", "descs": "descriptors"}
+        there = npz_members(path)
+        if not {"keypoints", "kpts"} & there.keys():
+            raise BadInputError(
+                f"{path} has no keypoints, only {', '.join(there) or 'nothing'}: give files of local features"
+            )
+        return _saved({own[key]: values for key, values in read_npz(path, own).items()}, str(path))
 
 
 class HlocFile:
@@ -177,7 +185,7 @@ class HlocFile:
 
     def read(self, image: PurePosixPath) -> SavedFeatures:
         """The features of an image that it has. Raises BadInputError where they can't be used."""
-        held = self._file.read(str(image), ("keypoints", "scores", "scales", "descriptors", "image_size"))
+        held = self._file.read(str(image), PARTS)
         if "descriptors" in held:
             held["descriptors"] = held["descriptors"].T
         return _saved(held, f"{image} in {self.path}")
@@ -189,10 +197,6 @@ def _saved(held: Mapping[str, NDArray[Any]], where: str) -> SavedFeatures:
     Positions, scores and scales must be finite: others are of a damaged file. Descriptors may be not: those points are
     dropped and counted, as those of any detector.
     """
-    if "keypoints" not in held:
-        raise BadInputError(
-            f"{where} has no keypoints, only {', '.join(held) or 'nothing'}: give files of local features"
-        )
     count = len(held["keypoints"]) if held["keypoints"].ndim else 0
     shapes = {"keypoints": (count, 2), "scores": (count,), "scales": (count,), "image_size": (2,)}
     known = {key: values for key, values in held.items() if key in shapes or key == "descriptors"}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import lightning as L
-from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.callbacks import ModelCheckpoint, Timer
 
 from sips_lit.detect.checkpoint import read_checkpoint
 from sips_lit.errors import BadInputError, warn_input
@@ -33,7 +33,11 @@ class Continuation(L.Callback):
         checkpoint[RECORD] = self.record
 
     def on_load_checkpoint(self, trainer: L.Trainer, pl_module: L.LightningModule, checkpoint: dict[str, Any]) -> None:
-        """Brings the best checkpoints along, before `ModelCheckpoint` takes its state out of ``checkpoint``."""
+        """Brings the best checkpoints along, before `ModelCheckpoint` takes its state out of ``checkpoint``.
+
+        ``trainer.max_time`` is that of this run: the timer of the one before, which may have run out, is not restored.
+        """
+        checkpoint["callbacks"].pop(Timer.__name__, None)
         for callback in trainer.checkpoint_callbacks:
             state = checkpoint["callbacks"].get(callback.state_key)
             if not isinstance(callback, ModelCheckpoint) or not state or not state["best_k_models"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import re
@@ -16,7 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any, TypeVar, cast
+from typing import Any, Never, TypeVar, cast
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -32,13 +33,14 @@ from omegaconf.errors import (
 
 from sips_lit.cli.arguments import as_typed
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
-from sips_lit.files import FULL, disk_of, unwritten
+from sips_lit.files import FULL, LONGEST_NAME, disk_of, unwritten
 
 PACKAGE = Path(__file__).resolve().parents[1]
 CONF_DIR = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parent / "conf"  # in a wheel, in a clone
 INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # as a shell has it
 # what a constructor raises for values that it can't take; by name, since not every command loads Lightning
-REFUSED = ("TypeError", "ValueError", "MisconfigurationException")
+MISCONFIGURED = "MisconfigurationException"
+REFUSED = ("TypeError", "ValueError", MISCONFIGURED)
 Options = TypeVar("Options")
 ALMOST_FULL = 1 << 20  # bytes: what failed to be written may have been more than a block
 _LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
@@ -59,7 +61,11 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
 
+    begun = False
+
     def command(config: DictConfig) -> Any:
+        nonlocal begun
+        begun = True
         register_resolvers()  # a launcher may have started another process
         quiet_lightning()
         with errors_explained(config):
@@ -67,7 +73,13 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
     command.__module__, command.__qualname__ = __name__, config_name
     with _errors_of_hydra():
-        hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+        try:
+            hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
+        except Exception as error:
+            if begun or isinstance(error, CompactHydraException) or getattr(error, "errno", None) is not None:
+                raise
+            why = " ".join(str(error).split())
+            raise BadInputError(f"a file of the configuration can't be read: {why}") from error
 
 
 @contextmanager
@@ -78,6 +90,8 @@ def _errors_of_hydra() -> Iterator[None]:
     os.environ[name] = "1"  # else Hydra prints a traceback of its own
     try:
         yield
+    except BrokenPipeError:
+        _leave_pipe()
     except Exception as error:
         sentence = None if isinstance(error, CompactHydraException) else explain(error)
         if asked:
@@ -130,6 +144,8 @@ def errors_explained(config: DictConfig | None = None) -> Iterator[None]:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        _leave_pipe()
     except SystemExit as stop:
         if stop.code == TERMINATED:
             print("terminated", file=sys.stderr)
@@ -175,6 +191,12 @@ def _terminate(number: int, frame: FrameType | None) -> None:
         os.kill(os.getppid(), number)  # of several processes of a training: the one that launched this ends all
     else:
         sys.exit(128 + number)
+
+
+def _leave_pipe() -> Never:
+    """Ends without a word, as others do whose reader has seen enough (``| head``)."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is flushed at the end
+    sys.exit(128 + signal.SIGPIPE)
 
 
 class JobFailed(CompactHydraException):
@@ -238,8 +260,11 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return str(cause)
         if isinstance(cause, MissingMandatoryValue | InterpolationToMissingValueError):
             named = re.search(r"Missing mandatory value: (\S+)", str(cause))
-            key = origin(named[1] if named else str(cause.full_key), config)
+            plain = None if config is None else OmegaConf.to_container(config)
+            key = origin(named[1] if named else str(cause.full_key), plain)
             return f"{key} is not set: add {key}=... to the command"
+        if type(cause).__name__ == MISCONFIGURED:
+            return str(cause)  # values that Lightning finds to fit the data or each other only when it has both
         if isinstance(cause, InstantiationException) and type(cause.__cause__).__name__ in REFUSED:
             where = re.search(r"full_key: (\S+)", str(cause))
             return f"{where[1] if where else 'the configuration'} can't be made: {cause.__cause__}"
@@ -251,7 +276,13 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return full_disk(cause, config)
         if isinstance(cause, OSError) and cause.errno is not None:
             file = "" if cause.filename is None else f"{os.fsdecode(cause.filename)}: "
-            return f"{file}{cause.strerror}: see to its permissions and its disk, or choose another place"
+            long = cause.errno == errno.ENAMETOOLONG
+            hint = (
+                f"the name of a file has at most {LONGEST_NAME} bytes"
+                if long
+                else "see to its permissions and its disk, or choose another place"
+            )
+            return f"{file}{cause.strerror}: {hint}"
         cause = cause.__cause__ or (cause.__context__ if isinstance(cause, InstantiationException) else None)
     return None
 
@@ -260,16 +291,22 @@ def full_disk(error: OSError, config: DictConfig | None) -> str:
     """Which disk is full: that of the file, or, where the error names none, those without space that a run writes to."""
     if isinstance(error.filename, str):
         return unwritten(Path(error.filename), error)
-    written: Any = {} if config is None else config.get("paths", {})
-    paths = [str(path) for path in written.values() if path]
+    if config is None:  # Hydra's own files, of which it tells no name
+        given = (argument.rpartition("=")[2].strip("'\"") for argument in sys.argv[1:])
+        paths = [*given, os.environ.get("SIPS_LIT_OUTPUTS", ".")]
+    else:
+        paths = [str(path) for path in config.get("paths", {}).values() if path]
     disks = {disk_of(Path(path)) for path in (*paths, tempfile.gettempdir())}
     full = ", ".join(sorted(str(disk) for disk in disks if shutil.disk_usage(disk).free < ALMOST_FULL))
     return f"the disk {full or 'of the outputs'} is full: free some space on it, or write elsewhere (hydra.run.dir=...)"
 
 
-def origin(key: str, config: DictConfig | None) -> str:
-    """The key that the user sets for ``key``: where its interpolations lead, ``datamodule.data.path`` to ``data.path``."""
-    node: Any = None if config is None else OmegaConf.to_container(config, resolve=False)
+def origin(key: str, config: Any) -> str:
+    """The key that the user sets for ``key``: where its interpolations lead, ``datamodule.data.path`` to ``data.path``.
+
+    ``config`` is the plain one, with its interpolations.
+    """
+    node = config
     parts = key.split(".")
     for count, part in enumerate(parts, start=1):
         node = node.get(part) if isinstance(node, dict) else None

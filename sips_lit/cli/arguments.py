@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 from collections.abc import Sequence
@@ -13,15 +12,20 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import LONGEST_NAME
+from sips_lit.files import LONGEST_NAME, can_be_path
 
 PATH_KEYS: Final = frozenset(
     {"path", "root", "input", "output", "checkpoint", "ckpt_path", "pairs_file", "features", "images", "weights"}
     | {"cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir", "names"}
 )
 """Last parts of the keys that hold paths and names of files; all keys of the group ``paths`` do, too."""
-_OVERRIDE = re.compile(r"(\+{0,2})([\w.@/-]+)=(.*)", re.DOTALL)
-_OTHER = re.compile(r"null|\?\?\?|(['\"]).*\1|(choice|glob|range|sort|shuffle)\(.*\)", re.DOTALL)
+_KEY = r"(\+{0,2})([\w.@/-]+)"
+_OVERRIDE = re.compile(rf"{_KEY}=(.*)", re.DOTALL)
+_STAYS = re.compile(r"null|\?\?\?|(['\"]).*\1", re.DOTALL)
+_SWEEP = re.compile(r"(choice|glob|range|sort|shuffle)\(.*\)", re.DOTALL)
+_MULTIRUN = frozenset({"-m", "--multirun", "hydra.mode=MULTIRUN"})
+# up to a comma that is not in quotes or, of a list within a multirun, in brackets
+_ITEM = re.compile(r"""\s*((?:(['"])(?:\\.|(?!\2).)*\2|\[[^][]*\])(?=\s*(?:,|$))|[^,]*?)\s*(?:,|$)""", re.DOTALL)
 
 
 def as_typed(arguments: Sequence[str]) -> list[str]:
@@ -31,13 +35,18 @@ def as_typed(arguments: Sequence[str]) -> list[str]:
     sweeps; there commas separate paths, as they do within ``[...]``. Raises BadInputError for an argument that is still not
     ``key=value``, with the quotes that it needs.
     """
-    several = any(argument in ("-m", "--multirun") for argument in arguments)
+    several = not _MULTIRUN.isdisjoint(arguments)
     typed = [_typed(argument, several) for argument in arguments]
     parser = OverridesParser.create()
-    for argument in typed:
-        key, equals, value = argument.partition("=")
-        if argument.startswith("-") or not equals:
-            continue
+    for before, argument in zip(["", *typed], typed, strict=False):
+        if argument.startswith(("-", "~")) or (before.startswith("-") and before not in _MULTIRUN):
+            continue  # options and what they take
+        key, equals, value = (part.strip() for part in argument.partition("="))
+        if not equals or not re.fullmatch(_KEY, key):
+            raise BadInputError(
+                f"the argument {argument} is no key=value, such as data.path=... or input=...: write both in one word, and "
+                "in quotes for the shell where there are spaces in it"
+            )
         try:
             parser.parse_override(argument)
         except HydraException as error:
@@ -53,11 +62,15 @@ def _typed(argument: str, several: bool) -> str:
     if match is None or not holds_path(match[2]):
         return argument
     value = match[3]
-    if value.startswith("[") and value.endswith("]"):
-        value = f"[{','.join(map(_as_text, value[1:-1].split(',')))}]"
-    else:
-        value = ",".join(map(_as_text, value.split(",") if several and not _OTHER.fullmatch(value) else [value]))
+    if not several or match[2].startswith("hydra."):  # Hydra's own keys can't be swept
+        value = _as_text(value)
+    elif not _SWEEP.fullmatch(value):
+        value = ",".join(map(_as_text, _items(value)))
     return f"{match[1]}{match[2]}={value}"
+
+
+def _items(value: str) -> list[str]:
+    return [item[1] for item in _ITEM.finditer(value) if item[1] or item.end() < len(value)]
 
 
 def holds_path(key: str) -> bool:
@@ -67,10 +80,12 @@ def holds_path(key: str) -> bool:
 
 
 def _as_text(value: str) -> str:
-    value = value.strip()
-    if not value or _OTHER.fullmatch(value):
+    """A path, or a list of paths, in quotes."""
+    if value.startswith("[") and value.endswith("]") and not re.match(r"\[[^][]*\].", value):  # such as [1] take [2]
+        return f"[{','.join(map(_as_text, _items(value[1:-1])))}]"
+    if not value or _STAYS.fullmatch(value):
         return value
-    if any(len(os.fsencode(part)) > LONGEST_NAME for part in Path(value).parts):
+    if not can_be_path(value):
         raise BadInputError(f"{value} can't be a path: the name of a file or folder has at most {LONGEST_NAME} bytes")
     return quoted(str(Path(value).expanduser()) if value == "~" or value.startswith("~/") else value)
 

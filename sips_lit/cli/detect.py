@@ -28,6 +28,7 @@ class DetectOptions:
 
     checkpoint: str
     input: str
+    names: str | None
     output: str
     format: Any
     n: int
@@ -46,7 +47,7 @@ def detect(config: DictConfig) -> None:
     kinds = formats(options.format)
     budget = Budget(options.n, options.threshold, options.k, options.confidence, options.n_max)
     detector = make_detector(options)
-    stream = open_stream(Path(options.input), colour="overlay" in kinds)
+    stream = open_stream(Path(options.input), "overlay" in kinds, options.names)
     folder, summary = Path(options.output), DetectionSummary()
     writers = [open_writer(kind, folder, stream.fps) for kind in kinds]
     try:

@@ -22,7 +22,8 @@ from sips_lit.train.datamodule import PairDataModule
 
 TRAINER: Final = ("accumulate_grad_batches", "gradient_clip_val", "limit_val_batches")
 WITHOUT_EFFECT: Final = frozenset({"loading_workers", "labelling_workers", "index_folder"})
-FRAMES, STEPS, TOLD = "frames", "trainer.max_steps", 6  # TOLD: differences that a sentence names
+FRAMES, SAMPLE, STEPS, PRECISION = "frames", "sample of frames", "trainer.max_steps", "trainer.precision"
+TOLD = 6  # differences that a sentence names
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,19 +38,20 @@ def record_of(config: DictConfig, data: PairDataModule, trainer: L.Trainer) -> d
     """What a run is, by the keys that a user sets, with plain values, for its checkpoints.
 
     ``identity``: what it trains, on which frames, from which seed, how it is optimised and validated; ``told``: what may
-    change while it stays the same run, its length and where its data are.
+    change while it stays the same run: its length, its precision (another machine has another), where its data are, and
+    times of their files (a copy has others), as long as the frames look the same.
     """
     validation = config.callbacks.get("succinctness") or OmegaConf.create()
     parts = {"module": config.module, "datamodule": config.datamodule, "callbacks.succinctness": validation}
     values = dict(flat({name: OmegaConf.to_container(part, resolve=True) for name, part in parts.items()}))
     values |= {f"trainer.{key}": config.trainer[key] for key in TRAINER}
-    named = {
-        origin(key, config): value for key, value in values.items() if key.rpartition(".")[2] not in WITHOUT_EFFECT
-    }
+    plain = OmegaConf.to_container(config)
+    named = {origin(key, plain): value for key, value in values.items() if key.rpartition(".")[2] not in WITHOUT_EFFECT}
     paths = {key: value for key, value in named.items() if holds_path(key)}
     identity = {key: value for key, value in named.items() if key not in paths}
     identity |= {"processes": trainer.num_nodes * trainer.num_devices, FRAMES: data.data_digest()}
-    return {"identity": identity, "told": {**paths, STEPS: config.trainer.max_steps}}
+    told = {**paths, STEPS: config.trainer.max_steps, PRECISION: config.trainer.precision, SAMPLE: data.sample_digest()}
+    return {"identity": identity, "told": told}
 
 
 def flat(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -90,6 +92,11 @@ def find_start(config: DictConfig, record: Mapping[str, Any]) -> Start | None:
         raise BadInputError(
             f"{path} has made {done} of {planned} steps, so {STEPS}={steps} leaves none to make: give a larger number"
         )
+    before, now = content[RECORD]["told"].get(PRECISION), record["told"][PRECISION]
+    if before not in (None, now):
+        warn_input(
+            f"{path} was trained with {PRECISION}={before}, this run goes on with {now}: its end will be another"
+        )
     return Start(path, done)
 
 
@@ -98,11 +105,11 @@ def differences(content: Mapping[str, Any], record: Mapping[str, Any]) -> list[s
     old, new = content[RECORD]["identity"], record["identity"]
     keys = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     settings = [_told(key, old.get(key), new.get(key)) for key in keys if key != FRAMES]
-    if FRAMES not in keys or settings:
-        return settings
     old, new = content[RECORD]["told"], record["told"]
-    paths = [_told(key, old.get(key), new[key]) for key in new if key != STEPS and old.get(key) != new[key]]
-    return ["other frames (going by names, sizes and times of files)", *paths]
+    if FRAMES not in keys or settings or old.get(SAMPLE) == new[SAMPLE]:
+        return settings
+    paths = [_told(key, old.get(key), new[key]) for key in new if holds_path(key) and old.get(key) != new[key]]
+    return ["other frames (by the names, sizes and times of their files, and by how they look)", *paths]
 
 
 def _told(key: str, there: Any, here: Any) -> str:

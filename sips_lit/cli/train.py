@@ -64,6 +64,13 @@ def train(config: DictConfig) -> float:
     best, auc = _best(trainer)
     for logger in trainer.loggers if math.isfinite(auc) else ():
         logger.log_metrics({RUN_METRIC: auc}, trainer.global_step)
+    if not trainer.is_global_zero:
+        return auc
+    if trainer.global_step < trainer.max_steps:
+        why = f"trainer.max_time={config.trainer.max_time}" if config.trainer.max_time else "a callback"
+        print(f"{why} ended the run after {trainer.global_step} of {trainer.max_steps} steps: ckpt_path=last goes on")
+    if math.isnan(auc):
+        raise BadInputError("the run has no score: its best checkpoint is lost, and there was no validation since")
     if auc == 0:
         reasons = [callback.failure for callback in callbacks if isinstance(callback, Prospects) and callback.failure]
         why = reasons[0] if reasons else "no validation pair succeeded"
@@ -72,14 +79,9 @@ def train(config: DictConfig) -> float:
             raise BadInputError(told)
         warn_input(told)  # a search goes on with it as the lowest score
         return auc
-    if trainer.is_global_zero:
-        _report(trainer, data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
-        if config.compare is not None:
-            if best is None:
-                raise BadInputError(
-                    "the run has no best checkpoint to compare: set callbacks.checkpoint, or compare=null"
-                )
-            benchmark(comparison(config, best))
+    _report(data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
+    if config.compare is not None and best is not None:
+        benchmark(comparison(config, best))
     return auc
 
 
@@ -143,9 +145,13 @@ def pairs_between_validations(trainer: DictConfig) -> int:
 
     At least the last step validates. Raises BadInputError unless training and validation are counted in steps.
     """
-    for key in ("max_steps", "val_check_interval"):
+    for key, what in (("max_steps", "steps"), ("val_check_interval", "steps"), ("accumulate_grad_batches", "pairs")):
         if not isinstance(trainer[key], int) or trainer[key] < 1:
-            raise BadInputError(f"trainer.{key} is {trainer[key]}: set it to a number of steps, 1 or more")
+            raise BadInputError(f"trainer.{key} is {trainer[key]}: set it to a number of {what}, 1 or more")
+    if trainer.limit_val_batches == 0:
+        raise BadInputError(
+            "trainer.limit_val_batches is 0: checkpoints are saved after validations, so let it validate"
+        )
     return int(min(trainer.val_check_interval, trainer.max_steps) * trainer.accumulate_grad_batches)
 
 
@@ -157,9 +163,7 @@ def _best(trainer: L.Trainer) -> tuple[Path | None, float]:
     return Path(getattr(checkpoint, "best_model_path", "")), float(score)
 
 
-def _report(
-    trainer: L.Trainer, data: PairDataModule, best: Path | None, auc: float, folder: Path, outputs: Path
-) -> None:
+def _report(data: PairDataModule, best: Path | None, auc: float, folder: Path, outputs: Path) -> None:
     if data.skipped.count:
         print(f"warning: {data.skipped}", file=sys.stderr)
     print(f"\nbest validation AUC {auc:.3f} on {len(data.val_choices)} fixed pairs ({data.validation_digest()})")

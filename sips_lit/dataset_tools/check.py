@@ -16,12 +16,14 @@ from sips_lit.dataset_tools.recognise import DataSet
 from sips_lit.datasets.spec import Part
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
+from sips_lit.frames.video import check_shape
 from sips_lit.frames.video_file import VideoFile
 from sips_lit.types import ImageSequence
 
 STILL_METRES = 0.05  # a camera whose whole path is shorter stands still
 STILL_DEGREES = 2.0
-TIME_NAME = re.compile(r"\d{9,10}(\.\d+)?")  # seconds since 1970, as in TUM RGB-D
+FLAT = 2.0  # grey levels: images that vary less (standard deviation) have no points to speak of
+TIME_NAME = re.compile(r"\D*(?:\d{1,2}\D+)?([1-9]\d{8,9}(?:\.\d+)?)\D*")  # cam0_ and seconds since 1970
 
 
 @dataclass(slots=True)
@@ -32,7 +34,7 @@ class SequenceReport:
     each; ``rate`` in frames per second, None if unknown; ``steps_back``: frames that are not later than the one before;
     ``notes`` of the sequence itself; ``unreadable``: one sentence for each file that does not open;
     ``path_metres`` and ``turn_degrees``: how far the camera moves and turns by its poses, None without; ``depth_known``:
-    fraction of the pixels of each depth map that have a depth.
+    fraction of the pixels of each depth map that have a depth; ``contrast``: standard deviation of each frame, grey levels.
     """
 
     name: str
@@ -47,6 +49,7 @@ class SequenceReport:
     path_metres: float | None = None
     turn_degrees: float | None = None
     depth_known: list[float] = field(default_factory=list)
+    contrast: list[float] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -120,8 +123,9 @@ def check_sequence(sequence: ImageSequence, advance: Callable[[int], object] = l
     report = SequenceReport(sequence.name, len(sequence), sequence.temporal)
     for index in range(len(sequence)):
         try:
-            height, width = sequence.frame(index).shape
-            report.sizes[width, height] += 1
+            frame = sequence.frame(index)
+            report.sizes[frame.shape[1], frame.shape[0]] += 1
+            report.contrast.append(float(frame.std()))
             known = {part: value for part, value in _parts(sequence, index).items() if value is not None}
             report.parts.update(known.keys())
             if "depth" in known:
@@ -155,8 +159,10 @@ def frame_rate(sequence: ImageSequence) -> float | None:
 def times_of(sequence: ImageSequence) -> NDArray[np.float64]:
     """The times that are known of frames, in their order: the data set's, or file names that are seconds since 1970."""
     times = [t for t in map(sequence.time, range(len(sequence))) if t is not None]
-    names = [sequence.frame_name(i) for i in range(len(sequence))]
-    return np.array(names if not times and all(map(TIME_NAME.fullmatch, names)) else times, np.float64)
+    if not times:
+        names = [TIME_NAME.fullmatch(sequence.frame_name(i)) for i in range(len(sequence))]
+        times = [float(name[1]) for name in names if name] if all(names) else []
+    return np.array(times, np.float64)
 
 
 def path_of(sequence: ImageSequence) -> tuple[float | None, float | None]:
@@ -176,6 +182,7 @@ def check_video(file: Path, advance: Callable[[int], object] = lambda frames: No
     try:
         video = VideoFile(file)
         for frame in video:
+            check_shape(frame.size, next(iter(report.sizes), frame.size), f"{file}, frame {report.frames},")
             report.sizes[frame.size] += 1
             report.frames += 1
             advance(1)
@@ -228,6 +235,8 @@ def remarks(report: DataSetReport) -> list[str]:
             )
         if sequence.depth_known:
             said.append(f"{sequence.name}: {np.mean(sequence.depth_known):.0%} of the pixels have a depth")
+        if sequence.contrast and np.median(sequence.contrast) < FLAT:
+            said.append(f"{sequence.name}: images without contrast: few points or none will be found in them")
         if _stands_still(sequence):
             said.append(
                 f"{sequence.name}: the camera stands still (at most {sequence.path_metres:.3f} m and "

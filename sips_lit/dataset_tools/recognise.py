@@ -11,7 +11,7 @@ from sips_lit.datasets.layout import describe_place
 from sips_lit.datasets.registry import IMAGES, find_specs
 from sips_lit.datasets.spec import DatasetSpec
 from sips_lit.errors import BadInputError, warn_input
-from sips_lit.frames.image_kind import NO_FRAMES, folder_groups, frames_among, group_of, in_folders
+from sips_lit.frames.image_kind import frames_among, group_of, in_folders
 from sips_lit.frames.listing import list_folders, list_images
 from sips_lit.types import ImageSequence
 
@@ -59,7 +59,7 @@ def _is_depth(dataset: DataSet) -> bool:
     """Whether a folder of images has nothing but depth maps, by its name and their bits."""
     folders = dataset.parts or (dataset.path,) if dataset.spec is IMAGES else ()
     groups = [group_of(folder.resolve().name, list_images(folder)) for folder in folders]
-    return bool(groups) and all(group.words & NO_FRAMES and min(group.bits, default=8) > 8 for group in groups)
+    return bool(groups) and all(group.no_frames and min(group.bits, default=8) > 8 for group in groups)
 
 
 def _recognise(path: Path, specs: Sequence[DatasetSpec], depth: int) -> list[DataSet]:
@@ -105,7 +105,7 @@ def _together(path: Path, found: list[DataSet]) -> list[DataSet]:
     Of folders of images those of the frames, where depth maps or masks are beside them.
     """
     plain = {d.path.name: list_images(d.path) for d in found if d.spec is IMAGES and d.path.parent == path}
-    conflict = in_folders(folder_groups(plain))
+    conflict = in_folders(plain)
     if conflict:
         dropped = {group.name for group in conflict} - {group.name for group in frames_among(conflict)}
         said = ", ".join(str(group) for group in conflict if group.name in dropped)

@@ -51,10 +51,13 @@ def _unpack_zip(opened: zipfile.ZipFile, archive: Path, target: Path) -> int:
 
 
 def _unpack_tar(packed: tarfile.TarFile, archive: Path, target: Path) -> int:
-    members = [member for member in packed if not member.isdir()]
-    for member in members:
-        _check_member(member.name, not member.isfile(), archive, target)
-    _check_size(sum(member.size for member in members), archive, target)
+    members, size = list[tarfile.TarInfo](), 0
+    for member in packed:  # which unpacks what is between their headers: a bomb must end it
+        if not member.isdir():
+            _check_member(member.name, not member.isfile(), archive, target)
+            size += member.size
+            _check_size(size, archive, target)
+            members.append(member)
     for member in progress(members, desc=f"unpacking {archive.name}", unit="file"):
         packed.extract(member, target, filter="data")
     return len(members)

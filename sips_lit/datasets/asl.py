@@ -23,6 +23,7 @@ from sips_lit.datasets.layout import (
     to_integer,
 )
 from sips_lit.errors import BadInputError
+from sips_lit.files import read_text
 from sips_lit.geometry.pose import to_rotation
 from sips_lit.geometry.rectify import LensCamera
 from sips_lit.types import FloatArray
@@ -32,7 +33,7 @@ LAYOUT = (
     "known, state_groundtruth_estimate0/data.csv (TUM-VI: mocap0/data.csv)"
 )
 MOST_PIXELS = 2**25  # of an image: the tables of its rectification take 8 bytes for each
-MOST_BYTES = 2**20  # of a YAML file, which takes seconds to parse then
+MOST_BYTES = 2**16  # of a YAML file, which takes a second to parse then
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel = 2
 LARGEST_CONDITION = 1e6  # of a rigid motion with lengths in metres
@@ -133,7 +134,7 @@ def read_timed_images(camera: Path) -> TimedImages:
         if times and time <= times[-1]:
             raise BadInputError(f"line {line} of {table} is not later than the line before")
         times.append(time)
-        files.append(listed_file(camera / "data", fields[1], table, line))
+        files.append(listed_file(camera / "data", fields[1], f"line {line} of {table}"))
     expect_files(files, f"images that {table} lists", "download the sequence whole, or take their lines out")
     if len(files) < 2:
         raise BadInputError(f"{table} lists {len(files)} images: a sequence needs two or more")
@@ -170,14 +171,21 @@ def read_states(file: Path) -> States:
     return States(times, poses)
 
 
+class _PlainLoader(yaml.SafeLoader):
+    """No merge keys: merged lists of merged lists grow without an end."""
+
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        """Leaves them in, where they have no constructor."""
+
+
 def _read_yaml(file: Path) -> dict[str, Any]:
     """A YAML file as OpenCV writes it: its header is no YAML directive, and its matrices have a tag of their own."""
     try:
         if file.stat().st_size > MOST_BYTES:
             raise ValueError(f"it is larger than {MOST_BYTES} bytes")
-        lines = file.read_text(encoding="utf-8").splitlines()
+        lines = read_text(file).splitlines()
         text = "\n".join(line for line in lines if not line.startswith("%YAML")).replace("!!opencv-matrix", "")
-        content = yaml.safe_load(text)
+        content = yaml.load(text, _PlainLoader)
     except Exception as error:  # damaged YAML makes its parser raise almost anything
         raise BadInputError(f"{file} is not readable as YAML: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict):

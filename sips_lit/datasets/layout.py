@@ -6,9 +6,10 @@ Shared by the loaders: missing parts, text tables with the file and the line of 
 from __future__ import annotations
 
 import hashlib
-import os
+import json
+import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -16,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import LONGEST_NAME, read_text
+from sips_lit.files import can_be_path, read_text
+from sips_lit.frames.listing import some_of
+from sips_lit.types import Camera
 
-SHOWN = 6  # names that an error lists
 NEAREST, FARTHEST = 0.01, 1000  # focal lengths, in sides of an image: of a fisheye, and of a telescope
 FURTHEST = 1e9  # metres from the origin that a camera may be
 
@@ -42,16 +44,16 @@ def files_there(files: Iterable[Path]) -> list[Path | None]:
     return [file if file.is_file() else None for file in files]
 
 
-def listed_file(folder: Path, name: str, table: Path, line: int) -> Path:
-    """The file of ``folder`` that a line of a table names.
+def listed_file(folder: Path, name: str, where: str) -> Path:
+    """The file of ``folder`` that a table names at ``where``, such as "line 3 of data.csv".
 
     Raises BadInputError when the name leads out of the folder, or can't be that of a file.
     """
     path = PurePath(name.replace("\\", "/"))
     if path.is_absolute() or ".." in path.parts:
-        raise BadInputError(f"line {line} of {table} names {name}, which leaves the folder: do not trust this file")
-    if "\0" in name or any(len(os.fsencode(part)) > LONGEST_NAME for part in path.parts):
-        raise BadInputError(f"line {line} of {table} names {name}, which is no name of a file: download it again")
+        raise BadInputError(f"{where} names {name}, which leaves the folder: do not trust this file")
+    if not can_be_path(name):
+        raise BadInputError(f"{where} names {name}, which is no name of a file: download it again")
     return folder / path
 
 
@@ -72,12 +74,6 @@ def describe_place(place: Path) -> str:
         return f"the folder {place} does not exist{exists}"
     entries = sorted(p.name + "/" * p.is_dir() for p in place.iterdir() if not p.name.startswith("."))
     return f"{place} has {some_of(entries)}" if entries else f"the folder {place} is empty"
-
-
-def some_of(names: Sequence[str]) -> str:
-    """The first names, and how many more there are."""
-    first = ", ".join(names[:SHOWN])
-    return f"{first} and {len(names) - SHOWN} more" if len(names) > SHOWN else first
 
 
 def expect_size(image: NDArray[Any], size: tuple[int, ...], what: str, whose: str, hint: str = "") -> None:
@@ -195,16 +191,52 @@ def is_pose(poses: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(rigid & (poses[:, 3] == (0, 0, 0, 1)).all(1), np.bool_)
 
 
-def expect_camera(matrix: NDArray[np.float64], size: tuple[int, int], file: Path) -> None:
+def expect_camera(matrix: NDArray[np.float64], size: tuple[int, int], file: Path | str) -> None:
     """Raises BadInputError where a camera matrix (3, 3) in pixels can't be that of images of ``size`` (W, H)."""
     (fx, _, cx), (_, fy, cy), _ = matrix.tolist()
     side = max(size)
-    possible = NEAREST * side <= min(fx, fy) and max(fx, fy, abs(cx), abs(cy)) <= FARTHEST * side
+    possible = min(size) > 0 and NEAREST * side <= min(fx, fy) and max(fx, fy, abs(cx), abs(cy)) <= FARTHEST * side
     if not (possible and np.isfinite(matrix).all()):
         raise BadInputError(
             f"{file} has focal lengths {fx:g}, {fy:g} and the centre {cx:g}, {cy:g} (pixels), which can't be of images of "
             f"{size[0]}x{size[1]}: correct it, or download it again"
         )
+
+
+def read_json(path: Path, layout: str) -> dict[str, Any]:
+    """The object that a JSON file holds. Raises BadInputError, which says the ``layout``, where it is none."""
+    try:
+        stored = json.loads(read_text(path))
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadInputError(f"{path} is not readable as JSON ({error}): {layout}") from error
+    if not isinstance(stored, dict):
+        raise BadInputError(f"{path} holds no object of JSON: {layout}")
+    return stored
+
+
+def json_numbers(stored: Mapping[str, Any], keys: Sequence[str], where: str) -> list[float]:
+    """What an object of JSON has for those keys. Raises BadInputError where a value is no finite number."""
+    numbers = []
+    for key in keys:
+        try:
+            number = float(stored.get(key, math.nan))
+        except (TypeError, ValueError, OverflowError):
+            number = math.nan
+        if not math.isfinite(number):
+            raise BadInputError(f"{where} has no finite number {key}: it needs {', '.join(keys)}")
+        numbers.append(number)
+    return numbers
+
+
+def json_camera(stored: Mapping[str, Any], keys: Sequence[str], where: str) -> Camera:
+    """The camera of six numbers: both focal lengths, the centre (x, y), width and height, in pixels.
+
+    Raises BadInputError where one is missing, or they can't be those of a camera.
+    """
+    fx, fy, cx, cy, width, height = json_numbers(stored, keys, where)
+    matrix, size = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), (int(width), int(height))
+    expect_camera(matrix, size, where)
+    return Camera(matrix, size)
 
 
 def files_fingerprint(files: Iterable[Path], *options: object) -> str:

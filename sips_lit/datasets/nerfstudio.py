@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sips_lit.datasets.layout import check_pose, listed_file, wrong_layout
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.layout import check_pose, json_camera, json_numbers, listed_file, read_json, wrong_layout
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames, read_array
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError, warn_input
-from sips_lit.files import read_text
 from sips_lit.frames.image_size import first_size, image_size
 from sips_lit.frames.listing import in_order
 from sips_lit.geometry.image_changes import resize_camera
@@ -45,12 +42,8 @@ def nerfstudio(
         groups = _read(folder, depth_unit)
         names = [name] if len(groups) == 1 else [f"{name}_{number}" for number in range(len(groups))]
         for own, frames in zip(names, groups, strict=True):
-            sequences += rgbd_sequences({own: folder}, partial(_given, frames), max_side, drop_incomplete)
+            sequences.append(rgbd_sequence(own, folder, frames, max_side, drop_incomplete))
     return sequences
-
-
-def _given(frames: RgbdFrames, folder: Path) -> RgbdFrames:
-    return frames
 
 
 def _is_scene(folder: Path) -> bool:
@@ -60,47 +53,42 @@ def _is_scene(folder: Path) -> bool:
 def _read(folder: Path, unit: float) -> list[RgbdFrames]:
     """The frames of each camera and folder of images."""
     table = folder / "transforms.json"
-    stored = _load(table)
+    stored = read_json(table, LAYOUT)
+    if not isinstance(stored.get("frames"), list):
+        raise BadInputError(f"{table} has no list of frames: {LAYOUT}")
     entries = {}
     for number, frame in enumerate(stored["frames"]):
         if not isinstance(frame, dict) or not isinstance(frame.get("file_path"), str):
             raise BadInputError(f"frame {number} of {table} has no file_path: {LAYOUT}")
-        entries[listed_file(folder, frame["file_path"], table, number)] = {**stored, **frame}
+        entries[listed_file(folder, frame["file_path"], f"frame {number} of {table}")] = {**stored, **frame}
     there = [image for image in in_order(entries) if image.is_file()]
     if len(there) < len(entries):
         warn_input(f"{len(entries) - len(there)} of the {len(entries)} images that {table} names are missing")
-    groups: dict[object, list[tuple[Path, Camera]]] = {}
-    lenses: dict[object, tuple[tuple[float, ...] | None, bool]] = {}
+    groups: dict[tuple[Any, ...], list[tuple[Path, Camera]]] = {}  # by the lens, whether it is equidistant, and others
     for image in there:
         camera, lens, equidistant = _camera(table, image, entries[image])
-        key = (image.parent, camera.size, lens, equidistant, lens and tuple(camera.matrix.ravel()))
+        key = (lens, equidistant, image.parent, camera.size, lens and tuple(camera.matrix.ravel()))
         groups.setdefault(key, []).append((image, camera))
-        lenses[key] = lens, equidistant
     pairs = {key: group for key, group in groups.items() if len(group) >= 2}
     if not pairs:
         raise wrong_layout(f"two images of one camera in {table}", folder, LAYOUT)
     if len(pairs) < len(groups):
         warn_input(f"{len(groups) - len(pairs)} images of {table} are the only ones of their camera and are left out")
-    return [
-        _frames(
-            folder, table, unit, [image for image, _ in group], [camera for _, camera in group], entries, *lenses[key]
-        )
-        for key, group in pairs.items()
-    ]
+    return [_frames(table, unit, group, entries, lens, equidistant) for (lens, equidistant, *_), group in pairs.items()]
 
 
 def _frames(
-    folder: Path,
     table: Path,
     unit: float,
-    images: list[Path],
-    cameras: list[Camera],
+    group: list[tuple[Path, Camera]],
     entries: dict[Path, dict[str, Any]],
     lens: tuple[float, ...] | None,
     equidistant: bool,
 ) -> RgbdFrames:
+    images, cameras = [image for image, _ in group], [camera for _, camera in group]
     named = [entries[image].get("depth_file_path") for image in images]
-    depths = [listed_file(folder, name, table, i) if isinstance(name, str) else None for i, name in enumerate(named)]
+    where = f"depth_file_path in {table}"
+    depths = [listed_file(table.parent, name, where) if isinstance(name, str) else None for name in named]
     depths = [depth if depth and depth.is_file() else None for depth in depths]
     size = first_size(images)
     if size != cameras[0].size:
@@ -127,16 +115,6 @@ def _frames(
     )
 
 
-def _load(table: Path) -> dict[str, Any]:
-    try:
-        stored = json.loads(read_text(table))
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadInputError(f"{table} is not readable as JSON: {error}") from error
-    if not isinstance(stored, dict) or not isinstance(stored.get("frames"), list):
-        raise BadInputError(f"{table} has no list of frames: {LAYOUT}")
-    return stored
-
-
 def _camera(table: Path, image: Path, entry: dict[str, Any]) -> tuple[Camera, tuple[float, ...] | None, bool]:
     """The camera of a frame, its distortion if it has one, and whether it is that of an equidistant lens."""
     model = entry.get("camera_model", "OPENCV")
@@ -144,26 +122,22 @@ def _camera(table: Path, image: Path, entry: dict[str, Any]) -> tuple[Camera, tu
         raise BadInputError(f"{table} has camera_model {model}: only {', '.join(MODELS)} can be read")
     equidistant = model == "OPENCV_FISHEYE"
     keys = ("k1", "k2", "k3", "k4") if equidistant else RADIAL
-    try:
-        fx, fy, cx, cy = (float(entry[key]) for key in ("fl_x", "fl_y", "cx", "cy"))
-        lens = tuple(float(entry.get(key, 0)) for key in keys)
-        size = (int(entry["w"]), int(entry["h"])) if "w" in entry and "h" in entry else image_size(image)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise BadInputError(f"{table} lacks the numbers fl_x, fl_y, cx, cy for {image.name}: {error!r}") from error
-    if not (np.isfinite([fx, fy, cx, cy, *lens]).all() and min(fx, fy, *size) > 0):
-        raise BadInputError(f"{table} has a camera of {image.name} with numbers that are not finite or not positive")
-    # its pixels have their centres at halves
-    matrix = np.array([[fx, 0, cx - 0.5], [0, fy, cy - 0.5], [0, 0, 1]])
+    where = f"the camera of {image.name} in {table}"
+    if "w" not in entry or "h" not in entry:
+        entry = entry | dict(zip("wh", image_size(image), strict=True))
+    camera = json_camera(entry, ("fl_x", "fl_y", "cx", "cy", "w", "h"), where)
+    camera.matrix[:2, 2] -= 0.5  # its pixels have their centres at halves
+    lens = tuple(json_numbers(dict.fromkeys(keys, 0) | entry, keys, where))
     if equidistant:
-        return Camera(matrix, size), lens, True
+        return camera, lens, True
     full = (*lens, 0.0, 0.0) if lens[5] else lens[:5]
-    return Camera(matrix, size), full if any(lens) else None, False
+    return camera, full if any(lens) else None, False
 
 
 def _pose(table: Path, image: Path, entry: dict[str, Any]) -> FloatArray:
     try:
         matrix = np.array(entry.get("transform_matrix"), np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         matrix = np.zeros(0)
     if matrix.shape == (3, 4):
         matrix = np.vstack([matrix, [0, 0, 0, 1]])

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
-import numpy as np
-
-from sips_lit.datasets.layout import check_pose, expect, files_there, read_rows, read_table
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.layout import (
+    check_pose,
+    expect,
+    files_there,
+    json_camera,
+    json_numbers,
+    read_json,
+    read_rows,
+    read_table,
+)
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
-from sips_lit.files import read_text
 from sips_lit.frames.listing import list_images
 from sips_lit.types import Camera, ImageSequence
 
@@ -32,7 +37,7 @@ def replica(path: str | Path, drop_incomplete: bool = False, max_side: int | Non
     another layout, and files that do not fit.
     """
     folders = sequence_folders(Path(path), _is_scene, "scene of Replica", LAYOUT)
-    return rgbd_sequences(folders, _read, max_side, drop_incomplete)
+    return [rgbd_sequence(name, place, _read(place), max_side, drop_incomplete) for name, place in folders.items()]
 
 
 def _is_scene(folder: Path) -> bool:
@@ -58,19 +63,12 @@ def _read(folder: Path) -> RgbdFrames:
 
 def _read_camera(file: Path) -> tuple[Camera, float]:
     """The camera, and the length of a step of depth in metres."""
-    try:
-        stored = json.loads(read_text(file))
-        stored = stored.get("camera", stored)
-        fx, fy, cx, cy, scale = (float(stored[key]) for key in ("fx", "fy", "cx", "cy", "scale"))
-        size = int(stored["w"]), int(stored["h"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
-        raise BadInputError(
-            f"{file} must be JSON with the numbers w, h, fx, fy, cx, cy (pixels) and scale (steps of depth in a metre): "
-            f"{error!r}"
-        ) from error
-    if not (min(fx, fy, scale, *size) > 0 and np.isfinite([fx, fy, cx, cy, scale]).all()):
-        raise BadInputError(f"{file} must have finite numbers, and positive w, h, fx, fy and scale")
-    return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), size), 1 / scale
+    stored = read_json(file, "it has w, h, fx, fy, cx, cy (pixels) and scale (steps of depth in a metre)")
+    stored = stored["camera"] if isinstance(stored.get("camera"), dict) else stored
+    (scale,) = json_numbers(stored, ("scale",), str(file))
+    if not scale >= 1:
+        raise BadInputError(f"{file} has scale {scale:g}: a metre is 1 step of the depth maps or more")
+    return json_camera(stored, ("fx", "fy", "cx", "cy", "w", "h"), str(file)), 1 / scale
 
 
 SPEC = DatasetSpec(

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from sips_lit.datasets.layout import expect, expect_camera, read_pose_rows, wrong_layout
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.layout import expect, json_camera, json_numbers, read_json, read_pose_rows, wrong_layout
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, any_of, at_least
 from sips_lit.datasets.tum_rgbd import read_tum
@@ -23,6 +20,7 @@ LAYOUT = (
     "an RGB-D sequence has color/, depth/ (16-bit images), poses.txt (12 numbers a row) and cam.json; or, as TUM RGB-D, "
     "rgb.txt, depth.txt, groundtruth.txt and the files that they name"
 )
+UNDISTORTED = "perspectiveProjWithoutDistortion"  # ViSP's name of the model
 
 
 def rgbd(
@@ -49,7 +47,7 @@ def rgbd(
         return read_tum(folder, tolerance, intrinsics) if tum else read_simple(folder)
 
     folders = sequence_folders(Path(path), _is_sequence, "RGB-D sequence", LAYOUT)
-    return rgbd_sequences(folders, read, max_side, drop_incomplete)
+    return [rgbd_sequence(name, place, read(place), max_side, drop_incomplete) for name, place in folders.items()]
 
 
 def _is_sequence(folder: Path) -> bool:
@@ -90,22 +88,13 @@ def _number(file: Path) -> int | None:
 
 def _read_camera(file: Path) -> tuple[Camera, float]:
     """The camera of ``cam.json`` (ViSP's names: px, py, u0, v0, w, h) and the length of a step of depth in metres."""
-    try:
-        stored = json.loads(file.read_text(encoding="utf-8"))
-        fx, fy, cx, cy, unit = (float(stored[key]) for key in ("px", "py", "u0", "v0", "depthScale"))
-        size = int(stored["w"]), int(stored["h"])
-    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-        raise BadInputError(
-            f"{file} must be JSON with the numbers px, py, u0, v0 (pixels), w, h and depthScale (metres): {error!r}"
-        ) from error
-    model = stored.get("model", "perspectiveProjWithoutDistortion")
-    if model != "perspectiveProjWithoutDistortion" or not min(fx, fy, unit, *size) > 0:
-        raise BadInputError(f"{file} must be of a camera without distortion, with positive px, py, w, h and depthScale")
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    expect_camera(matrix, size, file)
-    if not unit <= 1:
-        raise BadInputError(f"{file} has depthScale {unit:g}: a step of the depth maps is 1 metre at most")
-    return Camera(matrix, size), unit
+    stored = read_json(file, "it has px, py, u0, v0 (pixels), w, h and depthScale (metres)")
+    if stored.get("model", UNDISTORTED) != UNDISTORTED:
+        raise BadInputError(f"{file} is of the model {stored['model']}: it must be of a camera without distortion")
+    (unit,) = json_numbers(stored, ("depthScale",), str(file))
+    if not 0 < unit <= 1:
+        raise BadInputError(f"{file} has depthScale {unit:g}: a step of the depth maps is positive and 1 metre at most")
+    return json_camera(stored, ("px", "py", "u0", "v0", "w", "h"), str(file)), unit
 
 
 def _simple(path: Path) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,19 +32,16 @@ def sequence_folders(
     return {"_".join((root.resolve().name, *folder.relative_to(root).parts)): folder for folder in sorted(found)}
 
 
-def rgbd_sequences(
-    folders: Mapping[str, Path], read: Callable[[Path], RgbdFrames], max_side: int | None, drop_incomplete: bool = False
-) -> list[ImageSequence]:
-    """The sequences of folders, by their names, that ``read`` reads; ``max_side``: shrink images (pixels).
+def rgbd_sequence(
+    name: str, folder: Path, frames: RgbdFrames, max_side: int | None, drop_incomplete: bool = False
+) -> ImageSequence:
+    """The sequence of a folder; ``max_side``: shrink images (pixels).
 
-    Warns of frames without depth or pose, and leaves them out with ``drop_incomplete``. Raises BadInputError as ``read``.
+    Warns of frames without depth or pose, and leaves them out with ``drop_incomplete``. Raises BadInputError where too few
+    are left.
     """
     check_max_side(max_side)
-    sequences: list[ImageSequence] = []
-    for name, folder in folders.items():
-        frames = _without_incomplete(folder, read(folder), drop_incomplete)
-        sequences.append(RgbdSequence(folder, name, frames, max_side))
-    return sequences
+    return RgbdSequence(folder, name, _without_incomplete(folder, frames, drop_incomplete), max_side)
 
 
 def _without_incomplete(folder: Path, frames: RgbdFrames, drop: bool) -> RgbdFrames:

@@ -21,6 +21,8 @@ from sips_lit.geometry.image_changes import resize_camera
 from sips_lit.geometry.rectify import LensCamera, rectify_mono
 from sips_lit.types import Camera, FloatArray, GreyImage
 
+LARGEST_ZOOM = 10  # of the middle of an image, which a lens bends little
+
 
 @dataclass(frozen=True, slots=True)
 class RgbdFrames:
@@ -138,12 +140,16 @@ def undistortion(
     """The camera of the undistorted images, and for each of their pixels its place (x and y, (H, W)) in a stored one.
 
     It sees as much as fits without pixels from outside of the stored image; of an equidistant lens see `rectify_mono`.
+    Raises BadInputError for a distortion of which nothing is left then.
     """
     coefficients = np.array(distortion)
     if equidistant:
         rectifier = rectify_mono(LensCamera(camera.matrix, coefficients, camera.size, equidistant))
         return rectifier.camera, (rectifier.x, rectifier.y)
     matrix, _ = cv2.getOptimalNewCameraMatrix(camera.matrix, coefficients, camera.size, 0)
+    zoom = np.diag(matrix)[:2] / np.diag(camera.matrix)[:2]
+    if not np.all((zoom > 1 / LARGEST_ZOOM) & (zoom < LARGEST_ZOOM)):
+        raise BadInputError(f"no pinhole camera shows the images of a lens with distortion {distortion}: correct it")
     x, y = cv2.initUndistortRectifyMap(camera.matrix, coefficients, np.eye(3), matrix, camera.size, cv2.CV_32FC1)
     return Camera(np.asarray(matrix, np.float64), camera.size), (np.asarray(x, np.float32), np.asarray(y, np.float32))
 
@@ -165,7 +171,7 @@ def read_array(path: Path) -> NDArray[Any]:
     """The array of a .npy file, mapped and not read. Raises BadInputError when it is none."""
     try:
         array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError, SyntaxError, TypeError) as error:
+    except Exception as error:  # a damaged header makes numpy raise almost anything
         raise BadInputError(f"{path} is no array of numpy, or is truncated or damaged: replace or remove it") from error
     return array
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.datasets.layout import files_there, read_pose_file, read_table, wrong_layout
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.layout import expect_camera, files_there, read_pose_file, read_table, wrong_layout
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, at_least
 from sips_lit.errors import BadInputError
@@ -33,7 +33,7 @@ def scannet(path: str | Path, drop_incomplete: bool = False, max_side: int | Non
     shrink images whose longer side exceeds it (pixels). Raises BadInputError for another layout, and what does not fit.
     """
     folders = sequence_folders(Path(path), _is_scan, "export of ScanNet", LAYOUT)
-    return rgbd_sequences(folders, _read, max_side, drop_incomplete)
+    return [rgbd_sequence(name, place, _read(place), max_side, drop_incomplete) for name, place in folders.items()]
 
 
 def _is_scan(folder: Path) -> bool:
@@ -78,8 +78,9 @@ def _intrinsics(folder: Path, which: str) -> Path:
 def _camera(file: Path, size: tuple[int, int]) -> Camera:
     """The camera of a matrix (3, 3) or (4, 4), for images of ``size`` (W, H), which the file does not tell."""
     matrix: NDArray[np.float64] = read_table(file, (4, 3))[:3, :3]
-    if matrix.shape != (3, 3) or not min(matrix[0, 0], matrix[1, 1]) > 0 or np.any(matrix[2] != [0, 0, 1]):
-        raise BadInputError(f"{file} has no camera matrix: rows fx 0 cx, 0 fy cy, 0 0 1 in pixels, fx and fy positive")
+    if matrix.shape != (3, 3) or np.any(matrix[2] != [0, 0, 1]):
+        raise BadInputError(f"{file} has no camera matrix: rows fx 0 cx, 0 fy cy, 0 0 1 in pixels")
+    expect_camera(matrix, size, file)
     if np.any(np.abs((matrix[:2, 2] + 0.5) / size - 0.5) > OFF_CENTRE):
         raise BadInputError(
             f"{file} is not of images of {size[0]}x{size[1]}: its principal point is at {matrix[0, 2]:g}, {matrix[1, 2]:g}; "

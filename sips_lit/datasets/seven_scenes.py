@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sips_lit.datasets.layout import files_there, read_pose_file
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.datasets.rgbd_sequence import RgbdFrames
 from sips_lit.datasets.spec import DatasetSpec, any_of
 from sips_lit.errors import BadInputError
@@ -43,9 +43,10 @@ def seven_scenes(
     (pixels). Raises BadInputError for another layout, and files that are not what they should be.
     """
     folders = sequence_folders(Path(path), _is_sequence, "sequence of 7-Scenes", LAYOUT, levels=2)
-    return rgbd_sequences(
-        folders, lambda folder: _read(folder, intrinsics, depth_intrinsics), max_side, drop_incomplete
-    )
+    return [
+        rgbd_sequence(name, place, _read(place, intrinsics, depth_intrinsics), max_side, drop_incomplete)
+        for name, place in folders.items()
+    ]
 
 
 def _is_sequence(folder: Path) -> bool:

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import yaml
 
-from sips_lit.datasets.layout import some_of
 from sips_lit.errors import BadInputError
+from sips_lit.frames.listing import some_of
 
 T = TypeVar("T")
 FOLDER = Path(__file__).parent / "splits"

@@ -80,7 +80,7 @@ def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path], list[Path]
         if len(fields) != 2:
             raise BadInputError(f"line {line} of {table} must be a time and a file, not {len(fields)} words")
         times += to_numbers(table, line, fields[:1])
-        files.append(expect(listed_file(table.parent, fields[1], table, line), LAYOUT))
+        files.append(expect(listed_file(table.parent, fields[1], f"line {line} of {table}"), LAYOUT))
     if not files:
         raise BadInputError(f"{table} names no file: it is empty or was not downloaded whole")
     return np.array(times), files, [table]
@@ -88,7 +88,8 @@ def _read_list(table: Path) -> tuple[NDArray[np.float64], list[Path], list[Path]
 
 def _poses(truth: FloatArray, table: Path) -> NDArray[np.float64]:
     """``T_world_camera`` (N, 4, 4) of rows (N, 8): time, place, quaternion x, y, z, w."""
-    lengths = np.linalg.norm(truth[:, 4:], axis=1)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(truth[:, 4:], axis=1)
     wrong = np.flatnonzero(~(np.abs(lengths - 1) <= 0.05))
     if len(wrong):
         raise BadInputError(

@@ -14,6 +14,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from sips_lit.archives.zip_members import is_bomb
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
@@ -33,12 +34,16 @@ def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
         raise BadInputError(
             f"there is no checkpoint {path}: give a .ckpt file of a run, or an exported .safetensors file"
         )
-    config, weights = _read_safetensors(path) if path.suffix == ".safetensors" else _read_lightning(path)
+    config, weights = (_read_safetensors if path.suffix.lower() == ".safetensors" else _read_lightning)(path)
     try:
+        with torch.device("meta"):  # without memory: it may ask for any amount of it
+            expected = {name: tensor.shape for name, tensor in ScoreNetwork(**config["network"]).state_dict().items()}
+        if expected != {name: tensor.shape for name, tensor in weights.items()}:
+            raise ValueError("its weights are of another size than it says")
         network, selector = ScoreNetwork(**config["network"]), PointSelector(**config["selector"])
         network.load_state_dict(dict(weights))
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        reason = str(error).splitlines()[0].rstrip(":")
+    except Exception as error:  # it may hold anything
+        reason = str(error).partition("\n")[0].rstrip(":")
         raise BadInputError(
             f"{path} is not a checkpoint of a sips_lit score network ({reason}): use one of sips-train"
         ) from error
@@ -49,7 +54,7 @@ def is_sound(path: Path) -> bool:
     """Whether a ``.ckpt`` file is whole, by its checksums: PyTorch does not look at them and loads damaged weights."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return archive.testzip() is None
+            return not is_bomb(path, archive.infolist()) and archive.testzip() is None
     except Exception:  # damaged bytes make it raise almost anything
         return False
 
@@ -60,7 +65,10 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         if not is_sound(Path(path)):
             raise ValueError("a checksum is wrong")
         checkpoint: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        checkpoint["state_dict"], checkpoint["hyper_parameters"]
+        weights = checkpoint["state_dict"].items()
+        if not all(isinstance(name, str) and torch.is_tensor(weight) for name, weight in weights):
+            raise ValueError("it holds something else than weights")
+        checkpoint["hyper_parameters"]
     except Exception as error:  # damaged bytes make the unpickler raise almost anything
         raise BadInputError(f"{path} can't be read as a checkpoint: it is damaged, or not one of sips-train") from error
     return checkpoint
@@ -77,7 +85,7 @@ def _read_safetensors(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Tenso
         with safe_open(path, framework="pt") as stored:
             config = json.loads((stored.metadata() or {})[METADATA_KEY])
             return config, {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118 - not a mapping
-    except (OSError, SafetensorError, KeyError, ValueError) as error:
+    except (OSError, SafetensorError, KeyError, ValueError, RecursionError) as error:
         raise BadInputError(f"{path} can't be read: it is damaged, or was not written by sips-export") from error
 
 

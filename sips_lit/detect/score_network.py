@@ -13,6 +13,10 @@ from torch import Tensor, nn
 Gradient = Literal["patches", "dense"]
 
 
+# a damaged checkpoint may ask for any number
+MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR = 1000, 32, 16
+
+
 class ScoreNetwork(nn.Module):
     """Fully convolutional 3x3 network whose sigmoid is the probability that a point is an inlier.
 
@@ -36,10 +40,15 @@ class ScoreNetwork(nn.Module):
         scale_factor: float = math.sqrt(2),
     ) -> None:
         super().__init__()
-        if depth < 2 or width < 2 or width % 2:
-            raise ValueError(f"a score network needs depth >= 2 and an even width >= 2, not {depth} and {width}")
-        if scales < 1 or scale_factor <= 1:
-            raise ValueError(f"a pyramid needs scales >= 1 and scale_factor > 1, not {scales} and {scale_factor}")
+        if depth not in range(2, MOST_LAYERS + 1) or width < 2 or width % 2:
+            raise ValueError(
+                f"a score network needs a depth of 2 to {MOST_LAYERS} and an even width >= 2, not {depth} and {width}"
+            )
+        if scales not in range(1, MOST_SCALES + 1) or not 1 < scale_factor <= LARGEST_FACTOR:
+            raise ValueError(
+                f"a pyramid needs 1 to {MOST_SCALES} scales and a scale_factor above 1 and up to {LARGEST_FACTOR}, not "
+                f"{scales} and {scale_factor}"
+            )
         self.config = {
             "depth": depth,
             "width": width,

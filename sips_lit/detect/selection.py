@@ -15,6 +15,8 @@ from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.errors import BadInputError
 from sips_lit.types import FloatArray, GreyImage, Keypoints
 
+LARGEST_RADIUS = 1000  # pixels; a damaged checkpoint may ask for any
+
 
 @dataclass(frozen=True, slots=True)
 class SelectedPoints:
@@ -43,8 +45,8 @@ class PointSelector:
     subpixel: bool = True
 
     def __post_init__(self) -> None:
-        if self.nms_radius < 0:
-            raise ValueError(f"nms_radius is {self.nms_radius}; it counts pixels and can't be negative")
+        if self.nms_radius not in range(LARGEST_RADIUS + 1):
+            raise ValueError(f"nms_radius is {self.nms_radius}: it counts pixels, from 0 to {LARGEST_RADIUS}")
 
     @torch.no_grad()
     def select(self, network: ScoreNetwork, image: Tensor, n: int) -> SelectedPoints:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.metadata
 import inspect
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,11 +63,17 @@ def code_of(part: object) -> dict[str, str]:
     Of a class in no distribution (a module on the path, a script) a hash of its source file.
     """
     module = type(part).__module__
-    own = importlib.metadata.packages_distributions().get(module.partition(".")[0], [])
+    own = _distributions(tuple(sys.path)).get(module.partition(".")[0], [])
     if not own:
         source = inspect.getsourcefile(type(part))
         return {module: "" if source is None else hashlib.sha256(Path(source).read_bytes()).hexdigest()[:32]}
     return dict(sorted({found for name in own for found in _versions(name)}))
+
+
+@functools.cache
+def _distributions(path: tuple[str, ...]) -> Mapping[str, list[str]]:
+    """The distributions that packages come from; it takes half a second to read them all."""
+    return importlib.metadata.packages_distributions()
 
 
 def _versions(distribution: str) -> Iterator[tuple[str, str]]:

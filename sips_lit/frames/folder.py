@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Iterable, Sequence
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.files import safe_name
 from sips_lit.frames.image_kind import (
+    ImageGroup,
     by_pattern,
-    folder_groups,
     frames_among,
     in_folders,
     in_one_folder,
-    name_groups,
     pattern,
     without_strays,
 )
 from sips_lit.frames.images import GREY_VERSION, check_max_side, read_grey, read_values, resize_max_side
-from sips_lit.frames.listing import SHOWN, list_folders, list_images, warn_of_others
+from sips_lit.frames.listing import SHOWN, list_folders, list_images, some_of, warn_of_others
 from sips_lit.frames.span import Span, find_span
 from sips_lit.types import GreyImage, ImageSequence
 
@@ -101,7 +101,7 @@ def folder(
 
 def names_of_frames(folder: Path) -> str | None:
     """What ``names`` must be where the images of a folder differ in kind and their names tell the frames; else None."""
-    conflict = in_one_folder(name_groups(without_strays(list_images(folder))))
+    conflict = in_one_folder(without_strays(list_images(folder)))
     frames = frames_among(conflict)
     return frames[0].name if len(frames) == 1 and "*" in frames[0].name and len(conflict) > 1 else None
 
@@ -131,22 +131,22 @@ def _sequences(root: Path, max_side: int | None, names: str | None) -> list[Imag
     below = {sub: own for sub in list_folders(root) if (own := list_images(sub))}
     if images and len(images) >= max(map(len, below.values()), default=0):
         if below:
-            warn_input(f"{root}: its own images are read, those in {_some(below)} are not")
+            warn_input(f"{root}: its own images are read, those in {some_of(below)} are not")
         return [_sequence(root, _frames(root, images, names), max_side, root.resolve().name)]
     if not below:
         raise BadInputError(f"the folder {root} has no images (.png, .jpg, ...), nor have its subfolders")
     if images:
-        warn_input(f"{root}: the images in its folders are read, its own are not: {_some(images)}")
+        warn_input(f"{root}: the images in its folders are read, its own are not: {some_of(images)}")
     single = [sub for sub, own in below.items() if len(own) == 1]
     if single and len(single) < len(below):
-        warn_input(f"{root}: folders of one image make no pair and are not read: {_some(single)}")
+        warn_input(f"{root}: folders of one image make no pair and are not read: {some_of(single)}")
         below = {sub: own for sub, own in below.items() if sub not in single}
     frames = {sub: _frames(sub, own, names) for sub, own in below.items()}
-    conflict = in_folders(folder_groups({sub.name: own for sub, own in frames.items()}))
+    conflict = in_folders({sub.name: own for sub, own in frames.items()})
     if conflict:
-        choices = [f"data.path={root / group.name}" for group in frames_among(conflict) or conflict]
+        choices = [shlex.quote(f"data.path={root / group.name}") for group in frames_among(conflict) or conflict]
         raise BadInputError(
-            f"the folders of {root} hold images of different kinds, {_some(conflict)}: give the one with the frames, "
+            f"the folders of {root} hold images of different kinds, {some_of(conflict)}: give the one with the frames, "
             f"{' or '.join(choices[:SHOWN])}, or a list of folders; sips-data check {root} tells which data= reads depth "
             "and poses"
         )
@@ -156,29 +156,34 @@ def _sequences(root: Path, max_side: int | None, names: str | None) -> list[Imag
 def _frames(root: Path, images: Sequence[Path], names: str | None) -> list[Path]:
     """The images of a folder that are frames. Raises BadInputError where that is not clear."""
     if names is not None:
-        frames = [file for file in images if pattern(file) == names]
-        if not frames:
-            raise BadInputError(
-                f"{root} has no images named {names} (data.names, where * is a number), but {_some(by_pattern(images))}"
-            )
+        frames = images_named(root, images, names)
     else:
         frames = without_strays(images)
-        conflict = in_one_folder(name_groups(frames))
+        conflict = in_one_folder(frames)
         if conflict:
-            named = [f"data.names={group.name}" for group in frames_among(conflict) or conflict if "*" in group.name]
-            way = f"set {' or '.join(named[:SHOWN])} to read these alone, or " if len(conflict) > 1 and named else ""
-            raise BadInputError(
-                f"{root} has images of different kinds, {_some(conflict)}: {way}put each kind into a folder of its own; "
-                f"sips-data check {root} tells which data= reads depth and poses"
-            )
+            raise different_kinds(root, conflict, "data.names")
     warn_of_others(root, frames, "frames")
     return frames
 
 
-def _some(things: Iterable[object]) -> str:
-    """The first of several, and how many more there are."""
-    texts = [thing.name if isinstance(thing, Path) else str(thing) for thing in things]
-    return ", ".join(texts[:SHOWN]) + (f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else "")
+def images_named(root: Path, images: Sequence[Path], names: str, key: str = "data.names") -> list[Path]:
+    """The images of a folder with such names, in which * is a number. Raises BadInputError without any."""
+    found = [file for file in images if pattern(names).fullmatch(file.name)]
+    if not found:
+        raise BadInputError(
+            f"{root} has no images named {names} ({key}, where * is a number), but {some_of(by_pattern(images))}"
+        )
+    return found
+
+
+def different_kinds(root: Path, conflict: Sequence[ImageGroup], key: str) -> BadInputError:
+    """The error for a folder with groups of images in conflict: the choices are values of ``key``."""
+    named = [shlex.quote(f"{key}={group.name}") for group in frames_among(conflict) or conflict if "*" in group.name]
+    way = f"set {' or '.join(named[:SHOWN])} to read these alone, or " if len(conflict) > 1 and named else ""
+    return BadInputError(
+        f"{root} has images of different kinds, {some_of(conflict)}: {way}put each kind into a folder of its own; "
+        f"sips-data check {root} tells which data= reads depth and poses"
+    )
 
 
 def _sequence(folder: Path, files: list[Path], max_side: int | None, name: str) -> ImageSequence:

@@ -7,33 +7,22 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from PIL import Image
 
 from sips_lit.frames.listing import EPOCH_DIGITS
 
 SAMPLE = 64  # files of a group that are opened, about
-WORDS = re.compile(r"[A-Za-z]+")
+WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
 NUMBERS = re.compile(r"\d+")
 NO_FRAMES = frozenset(
-    {
-        "depth",
-        "depths",
-        "disp",
-        "disparity",
-        "mask",
-        "masks",
-        "seg",
-        "segmentation",
-        "semantic",
-        "semantics",
-        "instance",
-    }
-    | {"label", "labels", "annotation", "annotations", "normal", "normals", "flow", "conf", "confidence", "gt"}
+    {"depth", "depthmap", "disp", "disparity", "mask", "seg", "segmentation", "semantic", "instance"}
+    | {"label", "annotation", "normal", "flow", "conf", "confidence", "gt"}
 )
-SECOND = frozenset(
-    {"right", "r", "ir", "infra", "infrared", "thermal", "grey", "gray"}
-)  # beside others of the same moments
+SECOND = frozenset({"right", "r", "ir", "infra", "infrared", "thermal", "grey", "gray"})  # beside others of one moment
+CAMERA = frozenset({"cam", "camera", "c", "view", "lens", "sensor"})  # before its number
+MOST_CAMERAS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +45,21 @@ class ImageGroup:
 
     @property
     def words(self) -> set[str]:
-        """The words of its name, in small letters."""
-        return {word.lower() for word in WORDS.findall(self.name)}
+        """The words of its name, in small letters and the singular."""
+        return {word.lower().removesuffix("s") for word in WORDS.findall(self.name)}
+
+    @property
+    def no_frames(self) -> bool:
+        """Whether it has depth maps, masks or the like, by its name."""
+        return bool(self.words & NO_FRAMES)
+
+    @property
+    def moments(self) -> set[tuple[int, ...]]:
+        """The numbers in the names of its files: those at the * of the pattern, or all."""
+        if "*" not in self.name:
+            return {tuple(map(int, NUMBERS.findall(file.stem))) for file in self.files}
+        found = map(pattern(self.name).fullmatch, (file.name for file in self.files))
+        return {tuple(map(int, match.groups())) for match in found if match}
 
 
 def group_of(name: str, files: Sequence[Path]) -> ImageGroup:
@@ -79,17 +81,41 @@ def _kind(file: Path) -> tuple[int, bool, tuple[int, int]] | None:
     return bits, bits == 8 and mode not in ("1", "L", "LA"), size
 
 
-def pattern(file: Path) -> str:
-    """The name of a file with each run of digits as *."""
-    return NUMBERS.sub("*", file.name)
+def pattern(name: str) -> re.Pattern[str]:
+    """What matches file names that have a number at each * of ``name``."""
+    return re.compile(re.escape(name).replace(r"\*", r"(\d+)"))
 
 
 def by_pattern(files: Sequence[Path]) -> dict[str, list[Path]]:
-    """The files by the `pattern` of their names."""
-    groups: dict[str, list[Path]] = {}
+    """The files by the pattern of their names: each run of digits as *, but for the number of a camera, as in cam0_*.png."""
+    alike: dict[str, list[Path]] = {}
     for file in files:
-        groups.setdefault(pattern(file), []).append(file)
-    return groups
+        alike.setdefault(NUMBERS.sub("*", file.stem) + file.suffix, []).append(file)
+    return dict(group for name, own in alike.items() for group in _by_camera(name, own).items())
+
+
+def _by_camera(name: str, files: list[Path]) -> dict[str, list[Path]]:
+    """The files of one pattern, apart where a number in it is that of a camera, and all cameras took the same moments.
+
+    Such a number counts from 0 or 1, and follows a word such as cam or those numbers that change: 000123_0.png.
+    """
+    rows = [NUMBERS.findall(file.stem) for file in files]
+    texts = name.split("*")
+    varying = [column for column, values in enumerate(zip(*rows, strict=True)) if len(set(values)) > 1]
+    for column in varying if len(varying) > 1 else []:
+        cameras = sorted({row[column] for row in rows}, key=int)
+        named = (WORDS.findall(texts[column].lower()) or [""])[-1] in CAMERA
+        counted = [int(camera) for camera in cameras] in ([*range(len(cameras))], [*range(1, len(cameras) + 1)])
+        if len(cameras) > MOST_CAMERAS or not counted or not (named or column == varying[-1]):
+            continue
+        moments = [{(*row[:column], *row[column + 1 :]) for row in rows if row[column] == camera} for camera in cameras]
+        if len(moments[0]) > len(cameras) and all(_shared(moments[0], other) for other in moments[1:]):
+            head, tail = "*".join(texts[: column + 1]), "*".join(texts[column + 1 :])
+            return {
+                f"{head}{camera}{tail}": [file for file, row in zip(files, rows, strict=True) if row[column] == camera]
+                for camera in cameras
+            }
+    return {name: files}
 
 
 def without_strays(files: Sequence[Path]) -> list[Path]:
@@ -106,41 +132,34 @@ def without_strays(files: Sequence[Path]) -> list[Path]:
     return [file for file in files if file not in single]
 
 
-def name_groups(files: Sequence[Path]) -> list[ImageGroup]:
-    """The images of a folder by the pattern of their names, and in one group without a * those that share it with none."""
-    groups = by_pattern(files)
-    single = [own[0] for own in groups.values() if len(own) == 1]
-    named = [group_of(name, own) for name, own in groups.items() if len(own) > 1]
-    return [*named, group_of("others", single)] if single else named
+def in_one_folder(files: Sequence[Path]) -> list[ImageGroup]:
+    """Of the images of a folder those groups, by the pattern of their names, that can't be one sequence; none if all can.
 
-
-def folder_groups(folders: Mapping[str, Sequence[Path]]) -> list[ImageGroup]:
-    """The images of several folders, by the names of the folders."""
-    return [group_of(name, own) for name, own in folders.items()]
-
-
-def in_one_folder(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
-    """Those groups of a folder that can't be one sequence; none if all can.
-
-    Images of 8 and 16 bits; two patterns of names of which one is grey and the other in colour; and two patterns with the
-    same numbers, or with times that mix. Single grey images among coloured ones of the same pattern are frames.
+    Images of 8 and 16 bits; two patterns of which one is grey and the other in colour, or one of depth maps, masks and the
+    like; and two patterns with the same numbers, or with times that mix. Single grey images among coloured ones of the same
+    pattern are frames. Those whose pattern is of none else are in one group, whose name has no *.
     """
-    if len(frozenset().union(*(group.bits for group in groups))) > 1:
-        return list(groups)
+    patterns = by_pattern(files)
+    groups = [group_of(name, own) for name, own in patterns.items() if len(own) > 1]
+    single = [own[0] for own in patterns.values() if len(own) == 1]
+    groups += [group_of("others", single)] if single else []
+    if _differ_in_bits(groups):
+        return groups
     named = [group for group in groups if "*" in group.name]
     pairs = [(a, b) for i, a in enumerate(named) for b in named[:i]]
-    apart = [pair for pair in pairs if _differ_in_colour(*pair) or _same_moments(*pair)]
+    apart = [(a, b) for a, b in pairs if _differ_in_colour(a, b) or a.no_frames != b.no_frames or _same_moments(a, b)]
     return [group for group in groups if any(group in pair for pair in apart)]
 
 
-def in_folders(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
-    """Those of the folders, side by side, that can't all be sequences of frames; none if all can.
+def in_folders(folders: Mapping[str, Sequence[Path]]) -> list[ImageGroup]:
+    """The images of those of the folders, side by side, that can't all be sequences of frames; none if all can.
 
     Images of 8 and 16 bits; depth maps, masks and the like by the name of the folder, beside images with the same names or
     of another kind; and the same files twice, grey and in colour, or smaller (``images`` and ``images_2``).
     """
-    if len(frozenset().union(*(group.bits for group in groups))) > 1:
-        return list(groups)
+    groups = [group_of(name, own) for name, own in folders.items()]
+    if _differ_in_bits(groups):
+        return groups
     pairs = [(a, b) for a in groups for b in groups if a is not b]
     apart = [(a, b) for a, b in pairs if _is_no_frame_beside(a, b) or _is_smaller(a, b) or _twice(a, b)]
     return [group for group in groups if any(group in pair for pair in apart)]
@@ -148,7 +167,7 @@ def in_folders(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
 
 def frames_among(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
     """Those of groups in conflict that are the frames, by names and kinds; several or none where that can't be told."""
-    left = [group for group in groups if not group.words & NO_FRAMES]
+    left = [group for group in groups if not group.no_frames]
     left = [group for group in left if not any(_is_smaller(group, other) for other in left if other is not group)]
     eight = [group for group in left if group.bits == {8}]
     left = [group for group in eight or left if len(group.bits) == 1]
@@ -158,29 +177,36 @@ def frames_among(groups: Sequence[ImageGroup]) -> list[ImageGroup]:
     return first or left
 
 
+def _differ_in_bits(groups: Sequence[ImageGroup]) -> bool:
+    return len(frozenset().union(*(group.bits for group in groups))) > 1
+
+
 def _differ_in_colour(a: ImageGroup, b: ImageGroup) -> bool:
     return len(a.colour) == len(b.colour) == 1 and a.colour != b.colour
 
 
 def _same_moments(a: ImageGroup, b: ImageGroup) -> bool:
     """Whether half of the files have the numbers of files of the other group, or both are times of one span."""
-    numbers_a, numbers_b = ({tuple(map(int, NUMBERS.findall(f.stem))) for f in group.files} for group in (a, b))
-    shared = len(numbers_a & numbers_b)
-    if shared >= 2 and 2 * shared >= min(len(numbers_a), len(numbers_b)):
+    moments_a, moments_b = a.moments, b.moments
+    if _shared(moments_a, moments_b):
         return True
-    times = all(len(str(max(numbers))) >= EPOCH_DIGITS for numbers in numbers_a | numbers_b)
-    return times and min(numbers_a) < max(numbers_b) and min(numbers_b) < max(numbers_a)
+    times = all(len(str(max(moment, default=0))) >= EPOCH_DIGITS for moment in moments_a | moments_b)
+    return times and min(moments_a) < max(moments_b) and min(moments_b) < max(moments_a)
 
 
-def _same_names(a: ImageGroup, b: ImageGroup, part: float = 0.5) -> bool:
-    stems_a, stems_b = ({file.stem for file in group.files} for group in (a, b))
-    return len(stems_a & stems_b) >= max(2, part * min(len(stems_a), len(stems_b)))
+def _shared(a: set[Any], b: set[Any]) -> bool:
+    """Whether two, and half of the smaller set, are in both."""
+    return len(a & b) >= max(2, 0.5 * min(len(a), len(b)))
+
+
+def _same_names(a: ImageGroup, b: ImageGroup) -> bool:
+    return _shared({file.stem for file in a.files}, {file.stem for file in b.files})
 
 
 def _is_no_frame_beside(a: ImageGroup, b: ImageGroup) -> bool:
     """Whether folder ``a`` has depth maps, masks or the like of the frames of ``b``."""
-    named = a.words & NO_FRAMES and not b.words & NO_FRAMES
-    return bool(named) and (_differ_in_colour(a, b) or _same_names(a, b) or _same_moments(a, b))
+    named = a.no_frames and not b.no_frames
+    return named and (_differ_in_colour(a, b) or _same_names(a, b) or _same_moments(a, b))
 
 
 def _is_smaller(a: ImageGroup, b: ImageGroup) -> bool:
@@ -194,5 +220,5 @@ def _is_smaller(a: ImageGroup, b: ImageGroup) -> bool:
 
 def _twice(a: ImageGroup, b: ImageGroup) -> bool:
     """Whether both have the same frames, one grey and one in colour: names and size agree."""
-    same = {file.stem for file in a.files} == {file.stem for file in b.files}
-    return same and a.size == b.size and _differ_in_colour(a, b)
+    alike = a.size == b.size and _differ_in_colour(a, b)
+    return alike and {file.stem for file in a.files} == {file.stem for file in b.files}

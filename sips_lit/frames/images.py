@@ -21,7 +21,7 @@ FEW_PIXELS = 2**25  # any file may claim so many
 MOST_PIXELS_A_BYTE = 200  # a black JPEG has 64 to 90
 PNG = b"\x89PNG\r\n\x1a\n"  # what such a file begins with
 HEADERS = ("JPEG", "PNG", "TIFF", "BMP", "PPM", "WEBP", "JPEG2000")
-warnings.filterwarnings("ignore", category=Image.DecompressionBombWarning)  # large photographs are welcome
+warnings.filterwarnings("ignore", module=r"PIL\.")  # large photographs are welcome, and damage is told once
 # channels and depth of the file, without alpha, turned upright by the orientation tag (EXIF) as videos are
 DECODE_FLAGS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
 
@@ -66,7 +66,9 @@ def _bytes(path: Path) -> bytes:
 def _decode(data: bytes, name: str, flags: int) -> NDArray[Any]:
     if data.startswith(PNG) and not _is_whole_png(data):
         data = b""  # OpenCV would allocate the gigabytes that a damaged length asks for
-    pixels = _claimed_pixels(data)
+    pixels, mode = _header(data)
+    if mode == "LAB":
+        raise BadInputError(f"{name} has colours in LAB, which libraries convert differently: save it as RGB or grey")
     if pixels > max(FEW_PIXELS, MOST_PIXELS_A_BYTE * len(data)):
         raise BadInputError(f"{name} claims more pixels than its {len(data)} bytes can hold: replace it")
     try:
@@ -92,18 +94,18 @@ def _is_whole_png(data: bytes) -> bool:
     return False
 
 
-def _claimed_pixels(data: bytes) -> int:
-    """How many pixels an image has by its header; 0 where Pillow can't tell.
+def _header(data: bytes) -> tuple[int, str]:
+    """How many pixels an image has by its header, and what Pillow calls its colours; 0 where Pillow can't tell.
 
     OpenCV would allocate them, and libjpeg fill them for a minute, however few there are in the file.
     """
     try:
         with Image.open(io.BytesIO(data), formats=HEADERS) as image:
-            return image.width * image.height
+            return image.width * image.height, image.mode
     except Image.DecompressionBombError:
-        return 2**30  # the most that OpenCV reads
+        return 2**30, ""  # the most that OpenCV reads
     except Exception:  # damaged headers make Pillow raise almost anything
-        return 0
+        return 0, ""
 
 
 def to_grey(values: NDArray[Any], name: str, span: Span | None = None, rgb: bool = False) -> GreyImage:

@@ -22,7 +22,7 @@ LEFT_BEHIND = frozenset(
 )
 SHOWN = 4  # names in a message
 EPOCH_DIGITS = 9  # of a time in seconds since 1970
-_NUMBER = re.compile(r"(\D*)(\d+)(?:\.(\d+))?(\D*)")
+_DECIMAL = re.compile(r"(\d+)[.,](\d+)")
 
 
 def list_images(folder: str | Path) -> list[Path]:
@@ -59,8 +59,13 @@ def warn_of_others(folder: Path, read: Sequence[Path], kind: str) -> None:
     """Counts and names the files of a folder that are not read as ``kind``."""
     others = sorted({file.name for file in visible_files(folder)} - {file.name for file in read})
     if others:
-        more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
-        warn_input(f"{folder}: {len(others)} files are no {kind} and are not read: {', '.join(others[:SHOWN])}{more}")
+        warn_input(f"{folder}: {len(others)} files are no {kind} and are not read: {some_of(others)}")
+
+
+def some_of(things: Iterable[object]) -> str:
+    """The first of several, paths by their names, and how many more there are."""
+    texts = [thing.name if isinstance(thing, Path) else str(thing) for thing in things]
+    return ", ".join(texts[:SHOWN]) + (f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else "")
 
 
 def in_order(files: Iterable[Path]) -> list[Path]:
@@ -73,45 +78,43 @@ def in_order(files: Iterable[Path]) -> list[Path]:
 def name_key(names: Sequence[str]) -> Callable[[str], Any]:
     """A sort key for the names of the frames of one folder: runs of digits compare as numbers (img2 before img10).
 
-    Decimal times that were printed without trailing zeros (``1548266470.09``, ``1548266470.1``) compare as decimals. A
-    fraction that begins with 0 tells them from a counter behind a point (``1.9``, ``1.10``), and so do seconds since 1970.
-    Warns where a name could be either.
+    Where it makes a difference, times that were printed without trailing zeros (``1548266470.09``, ``1548266470.1``)
+    compare as decimals. A fraction that begins with 0 tells them from a counter behind a point (``1.9``, ``1.10``), and so
+    do seconds since 1970. Warns where a name could be either.
     """
-    fractions = _fractions(names)
-    if len(set(map(len, fractions))) < 2:  # also all those that are padded
-        return natural
-    leading = any(len(fraction) > 1 and fraction.startswith("0") for fraction in fractions)
-    trailing = any(len(fraction) > 1 and fraction.endswith("0") for fraction in fractions)
-    epoch = all(len(_parts(name)[1]) >= EPOCH_DIGITS for name in names)
-    decimal = leading or (epoch and not trailing)
-    if leading == trailing and not (epoch and not trailing):
-        longest = max(names, key=len)
+    if sorted(names, key=_by_numbers) == sorted(names, key=_by_decimals):
+        return _by_numbers
+    parts = [match.groups() for name in names for match in map(_DECIMAL.fullmatch, _split(name)) if match]
+    leading = any(len(fraction) > 1 and fraction.startswith("0") for _, fraction in parts)
+    trailing = any(len(fraction) > 1 and fraction.endswith("0") for _, fraction in parts)
+    epoch = all(len(whole) >= EPOCH_DIGITS for whole, _ in parts)
+    decimal = (leading and not trailing) or (epoch and (leading or not trailing))
+    if leading == trailing and not (epoch and leading):
         reading = "decimal times (1.10 before 1.9)" if decimal else "numbers behind a point (1.9 before 1.10)"
+        longest = max(names, key=len)
         warn_input(f"names like {longest} can be read in two ways: taken as {reading}; rename them if that is wrong")
-    return _decimal if decimal else natural
+    return _by_decimals if decimal else _by_numbers
 
 
-def natural(name: str) -> list[tuple[int, int, str]]:
+def natural(text: str) -> list[tuple[int, int, str]]:
     """A sort key in which runs of digits compare as numbers."""
-    parts = re.split(r"(\d+)", name)
+    parts = re.split(r"(\d+)", text)
     return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
 
 
-def _decimal(name: str) -> tuple[str, int, str, str]:
-    before, whole, fraction, after = _parts(name)
-    return before, int(whole), fraction.rstrip("0"), after
+def _by_numbers(name: str) -> tuple[list[tuple[int, int, str]], str]:
+    path = PurePath(name)
+    return natural(path.stem), path.suffix
 
 
-def _fractions(names: Sequence[str]) -> list[str]:
-    """The digits behind the point of each name; nothing where the names are not all a number with the same words around."""
-    matches = [_NUMBER.fullmatch(PurePath(name).stem) for name in names]
-    if not all(matches) or len({(match[1], match[4]) for match in matches if match}) > 1:
-        return []
-    return [match[3] or "" for match in matches if match]
+def _by_decimals(name: str) -> tuple[list[tuple[int, int, str]], str]:
+    key = list[tuple[int, int, str]]()
+    for part in _split(name):
+        number = _DECIMAL.fullmatch(part)
+        key += [(0, 0, ""), (1, int(number[1]), number[2].rstrip("0")), (0, 0, "")] if number else natural(part)
+    return key, PurePath(name).suffix
 
 
-def _parts(name: str) -> tuple[str, str, str, str]:
-    """Of a name that `_fractions` took: what stands before the number, its digits before and behind the point, the rest."""
-    match = _NUMBER.fullmatch(PurePath(name).stem)
-    assert match is not None
-    return match[1], match[2], match[3] or "", match[4]
+def _split(name: str) -> list[str]:
+    """Of a name without its suffix what is text, a number, or numbers with points between them."""
+    return re.split(r"(\d+(?:[.,]\d+)*)", PurePath(name).stem)

@@ -6,7 +6,6 @@ import glob
 import hashlib
 import itertools
 import json
-import os
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, warn_input
-from sips_lit.files import LONGEST_NAME, read_text, safe_name, write_whole
+from sips_lit.files import can_be_path, read_text, safe_name, write_whole
 from sips_lit.frames.images import resize_max_side
 from sips_lit.frames.listing import VIDEO_SUFFIXES, list_files, warn_of_others
 from sips_lit.frames.recording import Recording, RecordingLoader
 from sips_lit.frames.shots import find_cuts
-from sips_lit.frames.video_file import VideoFile, VideoFrame
+from sips_lit.frames.video_file import VideoFile
+from sips_lit.frames.video_frame import VideoFrame
 from sips_lit.progress import progress
 from sips_lit.types import GreyImage, ImageSequence
 
@@ -126,9 +126,7 @@ def _lines(file: Path) -> list[Path]:
     except (OSError, UnicodeDecodeError) as error:
         raise BadInputError(f"cannot read {file} as a list of videos ({error}): write one path a line") from error
     entries = [file.parent / line for line in lines if line and not line.startswith("#")]
-    strange = [
-        part for entry in entries for part in entry.parts if "\0" in part or len(os.fsencode(part)) > LONGEST_NAME
-    ]
+    strange = [line for line in lines if not can_be_path(line)]
     if strange:
         raise BadInputError(f"{file} names {strange[0]}, which can't be a file: write one path a line")
     if any(entry.suffix.lower() == ".txt" for entry in entries):
@@ -258,12 +256,16 @@ def _every(source: VideoFile, stride: int) -> Iterator[tuple[VideoFrame, bool]]:
 
 def _fitted(image: GreyImage, size: tuple[int, int], name: str) -> GreyImage:
     """The image scaled to ``size`` (W, H). Raises BadInputError where its shape is another one."""
-    height, width = image.shape
-    if abs(width * size[1] / (height * size[0]) - 1) > SHAPE_TOLERANCE:
-        raise BadInputError(
-            f"{name} is {width}x{height}, of another shape than the frames before: split the video there"
-        )
+    check_shape(image.shape[::-1], size, name)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def check_shape(size: tuple[int, ...], before: tuple[int, int], name: str) -> None:
+    """Raises BadInputError where a ``size`` (W, H) is not that of frames ``before`` or a scale of it."""
+    if abs(size[0] * before[1] / (size[1] * before[0]) - 1) > SHAPE_TOLERANCE:
+        raise BadInputError(
+            f"{name} is {size[0]}x{size[1]}, of another shape than the frames before: split the video there"
+        )
 
 
 def _check_space(file: Path, folder: Path, needed: int) -> None:

@@ -9,100 +9,70 @@ import logging
 import re
 import shlex
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import av
-import numpy as np
+from av.codec.context import Flags
 from av.container import InputContainer
 from av.stream import Disposition
+from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
-from sips_lit.errors import BadInputError
-from sips_lit.frames.images import to_grey
+from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.span import FULL, SAMPLE, Span, find_span
-from sips_lit.types import GreyImage
+from sips_lit.frames.video_frame import VideoFrame
 
 logging.getLogger("libav").setLevel(logging.CRITICAL + 1)  # what other threads say meanwhile is not for the user
 MOST_PIXELS = 2**26  # of a frame; a damaged header may ask for memory without end
+MOST_REORDERED = 16  # packets between a frame and one that is shown before it
+TELLERS = frozenset({"mjpeg", "ffv1", "hevc"})  # codecs whose decoders mark no broken frame, but say so in a message
+TRUSTING = frozenset({"h264", "hevc", "vp8", "vp9"})  # codecs whose decoders notice less, or little
+ZEROS = bytes(64)  # within a packet of theirs: a part of the file that was never written
 _CODEC = re.compile(r"Video: (?:none \()?([^,/]+)")
 _LOGGING = threading.Lock()  # the level of libav's messages belongs to the process
-
-
-@dataclass(frozen=True, slots=True)
-class VideoFrame:
-    """A decoded frame; ``after_hole``: frames between it and the one before it could not be decoded."""
-
-    decoded: av.VideoFrame
-    after_hole: bool
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """(W, H) in pixels, upright."""
-        width, height = self.decoded.width, self.decoded.height
-        return (height, width) if self.decoded.rotation % 180 else (width, height)
-
-    def colour(self) -> NDArray[np.uint8]:
-        """BGR (H, W, 3) as OpenCV decodes it, turned upright where the file says how the camera was held."""
-        return np.asarray(self._upright(self._as("bgr24")), np.uint8)
-
-    @property
-    def deep(self) -> bool:
-        """Whether it is grey of more than 8 bits, as of thermal cameras."""
-        form = self.decoded.format
-        return form.name.startswith("gray") and form.components[0].bits > 8
-
-    def values(self) -> NDArray[Any]:
-        """BGR as `colour` gives it; of a deep grey frame its 16-bit values (H, W), scaled by the decoder to all 16 bits."""
-        if not self.deep:
-            return self.colour()
-        return self._upright(self._as("gray16le"))
-
-    def grey(self, span: Span) -> GreyImage:
-        """Grey (H, W), upright; deep values are scaled by ``span``."""
-        return to_grey(self.values(), "a frame", span)
-
-    def _as(self, form: str) -> NDArray[Any]:
-        return self.decoded.reformat(format=form, interpolation="BICUBIC").to_ndarray()  # as OpenCV has it
-
-    def _upright(self, image: NDArray[Any]) -> NDArray[Any]:
-        return np.ascontiguousarray(np.rot90(image, round(self.decoded.rotation / 90)))
 
 
 @dataclass(slots=True)
 class _Survey:
     """The packets of a file, numbered from 0: how many carry a frame, which are keyframes, which are damaged.
 
-    ``complaints``: the numbers of the packets that the container damaged, or before which it lost others.
+    ``complaints``: the numbers of the packets that the container damaged, or before which it lost others. ``edge``: time of
+    the last frame of a file that was cut, where frames that are shown before it may have come after it.
     """
 
     frames: int = 0
     keys: list[int] = field(default_factory=list)
     complaints: set[int] = field(default_factory=set)
+    edge: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class _Decoded:
-    """After packet ``number``, whose frame is shown at ``time``: frames, each with the number of the packet it was in."""
+    """After packet ``number``, whose frame is shown at ``time``: frames, each with the number of the packet it was in.
+
+    ``broken``: the packet is damaged; ``shown``: it is a packet whose frame should come out, now or later.
+    """
 
     number: int
     time: int | None
     frames: list[tuple[int, av.VideoFrame]]
     broken: bool
+    shown: bool
 
 
 class VideoFile:
     """A video, whose iteration gives every frame that can be decoded.
 
     Damage (a packet that is lost, cut or not decodable) does not end it: frames are taken again from the next keyframe on,
-    or where none follows, as soon as the decoder finds no fault. After an iteration ``damage`` says in a sentence what is
-    missing, None if nothing is. Numbers that the container promises don't count: dropped, trimmed and empty frames are
-    no damage, nor is a beginning before the first keyframe.
+    and until then none that needs what is damaged; or where no keyframe follows, as soon as the decoder finds no fault.
+    After an iteration ``damage`` says in a sentence what is missing, None if nothing is. Numbers that the container promises
+    don't count: dropped, trimmed and empty frames are no damage, nor is a beginning before the first keyframe.
 
     ``total``: how many frames the packets should give; ``fps``: frames per second, None if the file does not say;
     ``codec``: its name. Raises BadInputError when the file can't be opened, has no video, or is of a codec that can't be
@@ -118,15 +88,21 @@ class VideoFile:
             videos = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
             if not videos:
                 raise BadInputError(f"{path} has no video in it: give a file with pictures, or a folder of images")
-            stream, self._index = videos[0], videos[0].index
+            stream = max(videos, key=lambda s: s.width * s.height if s.codec_context else 0)  # not a preview
+            self._index = stream.index
+            if len(videos) > 1:
+                warn_input(
+                    f"{path} has {len(videos)} videos in it: the first of the largest is read, stream {stream.index}"
+                )
             if stream.codec_context is None:  # then only libav's warning tells what it is
                 named = [match for *_, text in messages if (match := _CODEC.search(text))]
                 self.codec = named[0][1].strip() if named else self.codec
                 raise self._not_decodable()
             self.codec = stream.codec.name
-            rate: Fraction | None = stream.average_rate or stream.guessed_rate
+            rates: tuple[Fraction | None, ...] = (stream.average_rate, stream.guessed_rate)
+            rate = next(filter(None, rates if container.duration else rates[::-1]), None)  # raw streams: in the codec
             self.fps = float(rate) if rate else None
-        self._survey = self._read_packets()
+            self._survey = self._read_packets(container, stream, messages)
         self.total = self._survey.frames
 
     @functools.cached_property
@@ -140,39 +116,57 @@ class VideoFile:
         return find_span(len(sample), lambda index: sample[index])
 
     def __iter__(self) -> Iterator[VideoFrame]:
-        survey, self.damage = self._survey, None
-        given, holes = 0, list[int]()  # frames given so far; how many were given before each hole
-        # packets from ``bad_from`` on are passed over until the keyframe of packet ``key`` is out
-        bad_from: int | None = None
-        key: int | None = None
-        lost: list[int] = []  # times of frames that are passed over
-        # a stream that was recorded from somewhere within: what comes before its first keyframe is no damage
-        joined = not survey.keys or survey.keys[0] > 0
-        for packet in self._decode():
-            faults = [packet.number] * packet.broken + [origin for origin, frame in packet.frames if frame.is_corrupt]
-            for fault in faults:
-                if (given or not joined) and (bad_from is None or (key is not None and fault >= key)):
-                    bad_from, key = fault, _next_key(survey.keys, fault)
-            if bad_from is not None and packet.broken and packet.time is not None:
+        self.damage, keys, reformatter = None, self._survey.keys, VideoReformatter()
+        faults: list[int] = []  # numbers of damaged packets, sorted
+        start = 0  # faults before this packet do no harm any more
+        given, holes, guessed = 0, list[int](), False  # frames given so far; how many were given before each hole
+        lost: list[int] = []  # times of frames that are not given
+        for packet in self._settled(faults):
+            if packet.broken and packet.time is not None:
                 lost.append(packet.time)
             for origin, frame in packet.frames:
-                after_damage = bad_from is not None and origin > bad_from
-                if frame.is_corrupt or origin == bad_from or (after_damage and key is not None and origin != key):
+                fault = _last(faults, start, origin)
+                keyless = fault is not None and keys[-1:] <= [fault]
+                if frame.is_corrupt or fault == origin or not (fault is None or keyless or origin in keys):
                     lost += [] if frame.pts is None else [frame.pts]
                     continue
-                if after_damage:
-                    bad_from = key = None
                 # a frame that was decoded before the damage may be shown after those that are lost
+                edge = frame.pts is not None and frame.pts == self._survey.edge
                 passed = [time for time in lost if frame.pts is not None and time < frame.pts]
-                after_hole = given > 0 and (after_damage or bool(passed))
                 lost = [time for time in lost if time not in passed]
-                if after_hole:
+                if fault is not None or (given and (passed or edge)):
                     holes.append(given)
+                if fault is not None:
+                    start, guessed = origin, guessed or keyless
+                yield VideoFrame(frame, given > 0 and given in holes[-1:], reformatter)
                 given += 1
-                yield VideoFrame(frame, after_hole)
         if not given:
             raise self._not_decodable()
-        self.damage = self._describe(given, holes, ends_early=bad_from is not None)
+        ends_early = bool(faults) and faults[-1] >= start
+        self.damage = self._describe(given, holes, ends_early, guessed)
+
+    def _settled(self, faults: list[int]) -> Iterator[_Decoded]:
+        """What `_decode` gives, each when the packets that its frames may need have come out; ``faults`` grows ahead of it.
+
+        A frame is shown before others that it needs, whose damage is known only as they come out. Until a first frame is
+        decoded only damaged keyframes count: a recording may have been joined between or begin with frames of another.
+        """
+        waiting, inside, begun, fields = deque[_Decoded](), set[int](), False, self.codec != "h264"
+        for packet in self._decode():
+            frames = {origin: frame.is_corrupt for origin, frame in packet.frames}
+            fields |= any(frame.interlaced_frame for _, frame in packet.frames)  # two packets may make one frame
+            inside = (inside | ({packet.number} if packet.shown else set())) - frames.keys()
+            gone = {n for n in inside if n <= packet.number - MOST_REORDERED}
+            inside -= gone
+            corrupt = {origin for origin, is_corrupt in frames.items() if is_corrupt}
+            for fault in corrupt | ({packet.number} if packet.broken else set()) | (set() if fields else gone):
+                if (begun or fault in self._survey.keys) and _last(faults, fault, fault) is None:
+                    bisect.insort(faults, fault)
+            begun |= frames.keys() > corrupt
+            waiting.append(packet)
+            while waiting and not any(n < origin for n in inside for origin, _ in waiting[0].frames):
+                yield waiting.popleft()
+        yield from waiting
 
     def _decode(self) -> Iterator[_Decoded]:
         """What comes out of the decoder after each packet, and at the end."""
@@ -181,20 +175,22 @@ class VideoFile:
             stream = self._stream(container)
             stream.thread_type = "NONE"  # threads mark damaged frames later, or not at all
             stream.codec_context.copy_opaque = True
+            stream.codec_context.flags |= Flags.output_corrupt  # else some decoders leave such frames out silently
             stream.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
             for number, packet in enumerate(_packets(container, stream)):
                 packet.opaque = (number,)  # PyAV tells objects apart by their identity, and equal integers share theirs
                 frames = [] if packet.is_corrupt else self._guarded(packet.decode)
-                yield _Decoded(number, packet.pts, frames or [], broken=frames is None or number in complaints)
+                broken, shown = frames is None or number in complaints, not packet.is_discard
+                yield _Decoded(number, packet.pts, frames or [], broken, shown)
             frames = self._guarded(functools.partial(stream.codec_context.decode, None))
-            yield _Decoded(number, None, frames or [], broken=False)
+            yield _Decoded(number + MOST_REORDERED, None, frames or [], broken=False, shown=False)
         if number + 1 in complaints:  # what the container says after the last packet
-            yield _Decoded(number + 1, None, [], broken=True)
+            yield _Decoded(number + 1, None, [], broken=True, shown=False)
 
     def _guarded(self, decode: Callable[[], list[av.VideoFrame]]) -> list[tuple[int, av.VideoFrame]] | None:
         """The frames that the decoder gives, each with the number of its packet; None where the packet is damaged."""
         try:
-            if self.codec == "mjpeg":  # this decoder marks no broken picture, and says so only in a message
+            if self.codec in TELLERS:
                 with _errors() as messages:
                     decoded = decode()
                 if _taken(messages, self.codec):
@@ -205,7 +201,7 @@ class VideoFile:
         except av.FFmpegError:
             return None
 
-    def _describe(self, given: int, holes: list[int], ends_early: bool) -> str | None:
+    def _describe(self, given: int, holes: list[int], ends_early: bool, guessed: bool) -> str | None:
         """What is missing, in a sentence; None for nothing."""
         missing = max(self.total - given, len(holes) + ends_early)
         said = []
@@ -216,29 +212,36 @@ class VideoFile:
             said.append(f"it ends early, after {given} frames")
         if not said:
             return None
-        return f"{self.path} is damaged: {' and '.join(said)}; at least {missing} can't be decoded"
+        rest = "; no keyframe follows the last, so that later frames may be wrong in parts" if guessed else ""
+        return f"{self.path} is damaged: {' and '.join(said)}; at least {missing} can't be decoded{rest}"
 
-    def _read_packets(self) -> _Survey:
+    def _read_packets(
+        self, container: InputContainer, stream: VideoStream, messages: list[tuple[int, str, str]]
+    ) -> _Survey:
         """Reads all packets without decoding them; what a container complains of is known from libav's messages only."""
-        survey, number = _Survey(), 0
-        with _errors() as messages, self._open() as container:
-            stream, name = self._stream(container), container.format.name
-            again = _taken(messages, name)
-            if again:  # libav has read ahead to open it: read that again, to learn which packet the message is about
-                try:
-                    container.seek(0, stream=stream)
-                except av.FFmpegError:  # then nothing tells; the first is as likely as any
-                    survey.complaints.add(0)
-            for packet in _packets(container, stream):
-                said = _taken(messages, name) and not (again and number == 0)
-                if packet.is_corrupt or said:
-                    survey.complaints.add(number)
-                if packet.is_keyframe:
-                    survey.keys.append(number)
-                survey.frames += not packet.is_discard
-                number += 1
-            if _taken(messages, name):
+        survey, number, times, name = _Survey(), 0, list[int](), container.format.name
+        again = _taken(messages, name)
+        if again:  # libav has read ahead to open it: read that again, to learn which packet the message is about
+            try:
+                container.seek(0, stream=stream)
+            except av.FFmpegError:  # then nothing tells; the first is as likely as any
+                survey.complaints.add(0)
+        for packet in _packets(container, stream):
+            said = _taken(messages, name)
+            if said and (number or not again):  # the packet before may have been read too far
+                survey.complaints |= {number - 1, number}
+            if packet.is_corrupt or (self.codec in TRUSTING and ZEROS in bytes(packet).rstrip(b"\0")):
                 survey.complaints.add(number)
+            if packet.pts is not None:
+                times.append(packet.pts)
+            if packet.is_keyframe:
+                survey.keys.append(number)
+            survey.frames += not packet.is_discard
+            number += 1
+        if _taken(messages, name):
+            survey.complaints.add(number)
+        if survey.complaints & {number - 1, number} and times != sorted(times):
+            survey.edge = max(times)
         return survey
 
     def _stream(self, container: InputContainer) -> VideoStream:
@@ -280,8 +283,8 @@ def _errors(level: int = av.logging.ERROR) -> Iterator[list[tuple[int, str, str]
 
 
 def _taken(messages: list[tuple[int, str, str]], name: str) -> bool:
-    """Whether ``name`` is among those who said something; empties the list."""
-    said = any(who == name for _, who, _ in messages)
+    """Whether ``name`` is among those who told an error; empties the list."""
+    said = any(level <= av.logging.ERROR and who == name for level, who, _ in messages)
     messages.clear()
     return said
 
@@ -294,7 +297,7 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[av.Pack
         av.logging.log(av.logging.ERROR, container.format.name, str(error))
 
 
-def _next_key(keys: list[int], after: int) -> int | None:
-    """The number of the first keyframe's packet after another packet, if one follows."""
-    at = bisect.bisect_right(keys, after)
-    return keys[at] if at < len(keys) else None
+def _last(numbers: list[int], low: int, high: int) -> int | None:
+    """The last of sorted numbers from ``low`` to ``high``, if there is one."""
+    at = bisect.bisect_right(numbers, high) - 1
+    return numbers[at] if at >= 0 and numbers[at] >= low else None

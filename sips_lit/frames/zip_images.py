@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import os
 import re
 import zipfile
 from collections.abc import Callable
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from sips_lit.archives.zip_members import check_member, list_members, read_member
 from sips_lit.errors import BadInputError
-from sips_lit.files import LONGEST_NAME, safe_name
+from sips_lit.files import can_be_path, safe_name
 from sips_lit.frames.images import GREY_VERSION, decode_values, resize_max_side, to_grey
 from sips_lit.frames.listing import IMAGE_SUFFIXES, name_key, natural
 from sips_lit.frames.span import Span, find_span
@@ -88,7 +87,7 @@ def list_images(path: Path) -> list[zipfile.ZipInfo]:
     """
     images = [entry for entry in list_members(path) if _is_image(entry)]
     for entry in images:
-        if any(len(os.fsencode(part)) > LONGEST_NAME for part in SEPARATOR.split(entry.filename)):
+        if not can_be_path(entry.filename):
             raise BadInputError(
                 f"{path} has a member whose name is longer than that of any file: do not trust this archive"
             )

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, warn_input
+from sips_lit.frames.folder import different_kinds, images_named
+from sips_lit.frames.image_kind import group_of, in_one_folder
 from sips_lit.frames.images import read_grey, read_values
 from sips_lit.frames.listing import IMAGE_SUFFIXES, VIDEO_SUFFIXES, list_images
 from sips_lit.frames.span import find_span
@@ -46,15 +48,22 @@ class FrameStream(ABC):
     def __iter__(self) -> Iterator[Frame]: ...
 
 
-def open_stream(path: Path, colour: bool) -> FrameStream:
+def open_stream(path: Path, colour: bool, names: str | None = None) -> FrameStream:
     """The frames of an image, of the images in a folder, or of a video; ``colour`` asks for RGB pictures of them.
 
-    Raises BadInputError when there is nothing to read there.
+    ``names``: of a folder only the images with such names, in which * is a number. Raises BadInputError when there is
+    nothing to read there, and where depth maps or masks lie among the images.
     """
     if path.is_dir():
         images = list_images(path)
         if not images:
             raise BadInputError(f"the folder {path} holds no images: give a folder of images, one image, or a video")
+        if names is not None:
+            return ImageStream(images_named(path, images, names, "names"), colour)
+        conflict = in_one_folder(images)
+        numbered = [group for group in conflict if "*" in group.name]  # others are images that need not be alike
+        if any(group.no_frames for group in numbered) or len({bits for group in numbered for bits in group.bits}) > 1:
+            raise different_kinds(path, conflict, "names")
         return ImageStream(images, colour)
     if not path.is_file():
         raise BadInputError(f"there is no {path}: give an image, a folder of images, or a video")
@@ -85,7 +94,8 @@ class ImageStream(FrameStream):
         self.total, self.fps = len(paths), None
 
     def __iter__(self) -> Iterator[Frame]:
-        span = find_span(len(self.paths), lambda index: read_values(self.paths[index]))
+        deep = [path for path in self.paths if group_of(path.name, [path]).bits == {16}]
+        span = find_span(len(deep), lambda index: read_values(deep[index]))
         for path in self.paths:
             grey = read_grey(path, span)  # also finds damaged files
             yield Frame(path.stem, grey, _picture(path, grey) if self.colour else grey)

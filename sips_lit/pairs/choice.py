@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from sips_lit.errors import BadInputError, warn_input
-from sips_lit.files import make_folder, write_csv
+from sips_lit.files import make_folder, read_text, write_csv
 from sips_lit.frames.source import Source
 from sips_lit.pairs.build import build_indexes, require_readable
 from sips_lit.pairs.overlap import OverlapParameters
@@ -94,7 +94,7 @@ def read_pair_file(path: str | Path, sequences: Sequence[ImageSequence]) -> list
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise BadInputError(
             f"the pair list {path} can't be read: {getattr(error, 'strerror', 'it is no text')}"

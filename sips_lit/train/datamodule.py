@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import sys
 from collections.abc import Sequence
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import lightning as L
+import numpy as np
 import torch
 from lightning.pytorch.utilities import rank_zero_only
 from torch.utils.data import DataLoader, DistributedSampler
@@ -165,6 +167,17 @@ class PairDataModule(L.LightningDataModule):
             for source in (*self.sources, *self.val_sources)
         ]
         return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
+
+    def sample_digest(self, count: int = 32) -> str:
+        """Changes when names, numbers or pixels of some frames do; a copy that has other file times has the same."""
+        sequences = [s for source in (*self.sources, *self.val_sources) for s in source.sequences]
+        lengths = [len(sequence) for sequence in sequences]
+        digest, ends = hashlib.sha256(repr(([s.name for s in sequences], lengths)).encode()), np.cumsum(lengths)
+        for place in np.linspace(0, ends[-1] - 1, count).astype(int):
+            at = int(np.searchsorted(ends, place, side="right"))
+            with contextlib.suppress(BadInputError):  # a damaged frame counts by its place only
+                digest.update(sequences[at].frame(int(place - ends[at] + lengths[at])).tobytes())
+        return digest.hexdigest()[:16]
 
     def validation_digest(self) -> str:
         """Changes when the validation pairs change: curves of different runs compare only where it is the same."""

@@ -17,6 +17,7 @@ import cv2
 import torch
 import torch.multiprocessing as mp
 from torch import Tensor, distributed
+from torch._C import _remove_worker_pids
 from torch.utils.data import DataLoader, Subset
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
@@ -28,6 +29,7 @@ from sips_lit.train.labelling import label_pair
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints, Matches
 
 LOADING_TIMEOUT = 120.0  # seconds
+SECONDS_TO_END = 2.0  # of a loading worker whose pairs nobody wants any more
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,12 +224,14 @@ class _Stream:
             raise RuntimeError("a DataLoader worker that was read from exited unexpectedly") from error
 
     def close(self) -> None:
-        """Ends the workers."""
-        if self._workers:
-            self._pairs._shutdown_workers()  # else the DataLoader takes those that are killed for a failure
-            self._kill()
-            for worker in self._workers:
-                worker.join(1)
+        """Ends the workers, by force if they do not end soon."""
+        if self._workers and not self._pairs._shutdown:
+            _remove_worker_pids(id(self._pairs))  # else the DataLoader takes those that are killed for a failure
+            self._pairs._worker_pids_set = False
+            patience = threading.Timer(SECONDS_TO_END, self._kill)
+            patience.start()
+            self._pairs._shutdown_workers()
+            patience.cancel()
 
     def _kill(self, noted: threading.Event | None = None) -> None:
         if noted is not None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sips_lit.archives import npz
+from sips_lit.archives import zip_members
 from sips_lit.archives.npz import npz_members, read_array, read_npz
 from sips_lit.errors import BadInputError
 
@@ -78,10 +78,10 @@ def test_headers_that_lie(tmp_path: Path, data: bytes):
 
 def test_an_archive_that_claims_too_much(tmp_path: Path, monkeypatch):
     """Zeros are small when they are packed, but not in memory: each array would be allowed, but not both."""
-    monkeypatch.setattr(npz, "LARGEST", 8500)
+    monkeypatch.setattr(zip_members, "LARGEST", 8500)
     np.savez_compressed(tmp_path / "a.npz", a=np.zeros(1000), b=np.zeros(1000))
     assert len(read_npz(tmp_path / "a.npz", ("b",))["b"]) == 1000
-    with pytest.raises(BadInputError, match=r"a\.npz claims 16256 bytes, more than there can be"):
+    with pytest.raises(BadInputError, match=r"a\.npz claims more bytes than there can be"):
         read_npz(tmp_path / "a.npz")
 
 

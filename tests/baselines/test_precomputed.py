@@ -205,6 +205,11 @@ def test_files_that_can_not_be_used(held, message, folder):
         open_features(folder).read(IMAGE)
 
 
+def test_what_else_is_in_a_file_does_not_matter(folder):
+    np.savez(folder / "a" / "1.npz", keypoints=XY, settings=np.array({"n": 5}, object))
+    np.testing.assert_array_equal(open_features(folder).read(IMAGE).keypoints, XY)
+
+
 def test_hidden_folders_hold_no_images(images, features):
     for name in ("a/1", "b/1"):
         np.savez(features / f"{name}.npz", keypoints=XY, scores=SCORES)

@@ -2,17 +2,17 @@
 
 import importlib
 import logging
-import os
 import signal
-import subprocess
 import sys
 import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
 import pytest
 import torch
-from cli_runs import ROOT, Command, Process, Result, write_frames
+from cli_runs import Command, Result, write_frames
+from forked_commands import ForkedCommand
 from textured_scenes import flight
 
 from sips_lit.detect.checkpoint import export_safetensors
@@ -50,6 +50,8 @@ def command(folders, monkeypatch, capsys) -> Command:
     handlers, level = root.handlers[:], root.level
     monkeypatch.setenv("HYDRA_FULL_ERROR", "")
     monkeypatch.delenv("HYDRA_FULL_ERROR")
+    # Hydra composes all of it once more, only to look for a hydra.mode, which ours do not set
+    monkeypatch.setattr("hydra._internal.hydra.Hydra.get_mode", lambda *_, **__: None)
     monkeypatch.setattr(sys, "gettrace", lambda: None)  # Hydra takes the tracing of coverage for a debugger
 
     def run(name: str, *arguments: str) -> Result:
@@ -72,28 +74,14 @@ def command(folders, monkeypatch, capsys) -> Command:
 
 
 @pytest.fixture
-def process(folders):
-    """Starts ``python -m sips_lit.cli.<name>`` in a process group of its own; ends it with the test."""
-    started: list[Process] = []
+def process(folders) -> Iterator[Callable[..., ForkedCommand]]:
+    """``process("train", "data=folder", ...)`` starts a command in a process group of its own; ends it with the test."""
+    started: list[ForkedCommand] = []
 
-    def start(name: str, *arguments: str) -> Process:
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1"}
-        log = folders / f"process{len(started)}.log"
-        with log.open("w") as handle:
-            child = Process(
-                [sys.executable, "-m", f"sips_lit.cli.{name}", *map(str, arguments)],
-                cwd=folders,
-                env=environment,
-                stdout=handle,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-        child.log = log
-        started.append(child)
-        return child
+    def start(name: str, *arguments: str) -> ForkedCommand:
+        started.append(ForkedCommand(folders, folders / f"process{len(started)}.log", name, *arguments))
+        return started[-1]
 
     yield start
     for child in started:
-        if child.poll() is None:
-            os.killpg(child.pid, signal.SIGKILL)
-        child.wait()
+        child.end()

@@ -1,7 +1,10 @@
 import errno
 import os
+import re
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 from dataclasses import dataclass
 from typing import Any
@@ -204,3 +207,34 @@ def test_the_first_missing_key_is_named():
     with pytest.raises(MissingMandatoryValue, match="n"):
         options(path="???", n="???")
     assert options().n == 3
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"a: [1", r"expected ',' or ']'.*line 1"),
+        (b"\xff\xfe\x00", "can't decode byte 0xff"),
+        (b"5", "int"),
+        (b"defaults: 5", "defaults must be a list"),
+        (b"a: {{1}}", "unhashable key"),
+        (b"a: !!python/object:os.system {}", "could not determine a constructor"),
+    ],
+)
+def test_a_file_of_the_configuration_that_can_not_be_read(command, folders, content, reason):
+    (folders / "experiment").mkdir()
+    (folders / "experiment" / "mine.yaml").write_bytes(content)
+    result = command("index", "--config-dir", folders, "+experiment=mine", "data=folder", "data.path=x")
+    assert re.search(f"a file of the configuration can't be read: .*{reason}", result.sentence)
+
+
+@pytest.mark.parametrize("given", [["detect", "--help"], ["train", "--cfg", "job"]])
+def test_a_reader_that_has_seen_enough_is_no_error(given):
+    name, *arguments = given
+    child = subprocess.Popen(
+        [sys.executable, "-c", f"from sips_lit.cli.{name} import main; main()", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    child.stdout.close()
+    assert child.stderr.read() == b""
+    assert child.wait() == 128 + signal.SIGPIPE

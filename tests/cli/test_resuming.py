@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import torch
 from cli_runs import TINY
-from tiny_runs import CrashAt, StopAt, assert_equal_weights, config_of, run_it, scalars, target
+from tiny_runs import StopAt, assert_equal_weights, config_of, run_it, scalars, target
 
+from sips_lit.callbacks.guard import GracefulStop
 from sips_lit.cli.resuming import find_start, record_of
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 
@@ -18,11 +19,21 @@ from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 STEPS = "trainer.max_steps=8", "trainer.val_check_interval=2", "optim.optimizer.lr=0.05", "~callbacks.pictures"
 
 
+class Snapshots(GracefulStop):
+    """Saves after each step what a stop there saves, and goes on: the run folder goes to ``after<step>`` beside it."""
+
+    def _stop_if_asked(self, trainer) -> None:
+        trainer.save_checkpoint(self.checkpoint)
+        run = self.checkpoint.parents[1]
+        shutil.copytree(run / "checkpoints", run.with_name(f"after{trainer.global_step}") / "checkpoints")
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory, frames) -> tuple[Path, float]:
     """The run folder and AUC of a run that is not interrupted."""
     run = tmp_path_factory.mktemp("whole") / "run"
-    return run, run_it(run, frames, *STEPS)
+    snapshots = target(Snapshots, checkpoint=str(run / "checkpoints" / "last.ckpt"))
+    return run, run_it(run, frames, *STEPS, stop=snapshots)
 
 
 def stored(run: Path, name: str) -> dict:
@@ -56,10 +67,16 @@ def assert_same_end(run: Path, auc: float, whole: tuple[Path, float]) -> None:
     assert best_state(stored(run, "last"))["best_model_path"] == str(run / "checkpoints" / "best.ckpt")
 
 
-@pytest.fixture(scope="module")
-def stopped(tmp_path_factory, frames) -> Path:
+@pytest.fixture
+def stopped(whole, tmp_path) -> Path:
     """The last checkpoint of the same run stopped after five steps."""
-    return interrupted(tmp_path_factory.mktemp("stopped") / "run", frames, 5)
+    return stopped_after(5, whole, tmp_path / "stopped")
+
+
+def stopped_after(step: int, whole: tuple[Path, float], run: Path) -> Path:
+    """The last checkpoint of a folder of that run stopped after a step."""
+    shutil.copytree(whole[0].with_name(f"after{step}"), run)
+    return run / "checkpoints" / "last.ckpt"
 
 
 def test_the_whole_run_is_best_before_its_end(whole):
@@ -70,7 +87,10 @@ def test_the_whole_run_is_best_before_its_end(whole):
 
 @pytest.mark.parametrize(("step", "folder"), [(1, "again"), (4, "run"), (4, "again"), (5, "again"), (7, "run")])
 def test_interrupted_is_uninterrupted_in_any_folder(whole, tmp_path, frames, step, folder):
-    interrupted(tmp_path / "run", frames, step)
+    if (step, folder) == (4, "again"):
+        interrupted(tmp_path / "run", frames, step)  # the others are snapshots of such a stop
+    else:
+        stopped_after(step, whole, tmp_path / "run")
     auc = run_it(tmp_path / folder, frames, *STEPS, f"paths.outputs={tmp_path}", "ckpt_path=last")
     assert_same_end(tmp_path / folder, auc, whole)
 
@@ -89,21 +109,16 @@ def test_a_last_checkpoint_alone_knows_where_the_best_is(whole, stopped, tmp_pat
     assert_same_end(tmp_path / "again", auc, whole)
 
 
-def test_a_run_folder_that_was_moved(whole, tmp_path, frames):
-    interrupted(tmp_path / "before", frames, 5)
-    (tmp_path / "before").rename(tmp_path / "after")
-    auc = run_it(tmp_path / "after", frames, *STEPS, "ckpt_path=last")
-    assert_same_end(tmp_path / "after", auc, whole)
+def test_a_run_folder_that_was_moved(whole, stopped, frames):
+    moved = stopped.parents[1]
+    content = torch.load(stopped, weights_only=True)
+    assert str(moved) not in str(best_state(content)["best_model_path"])
+    assert_same_end(moved, run_it(moved, frames, *STEPS, "ckpt_path=last"), whole)
 
 
 def test_killed_between_the_best_and_the_last_checkpoint(whole, tmp_path, frames):
-    run = tmp_path / "run"
-    with pytest.raises(RuntimeError, match="power cut"):
-        run_it(run, frames, *STEPS, crash=target(CrashAt, step=3))
-    shutil.copy(
-        whole[0] / "checkpoints" / "best.ckpt", run / "checkpoints"
-    )  # as it was after step 4; last is of step 2
-    assert stored(run, "last")["global_step"] == 2
+    run = stopped_after(2, whole, tmp_path / "run").parents[1]
+    shutil.copy(whole[0] / "checkpoints" / "best.ckpt", run / "checkpoints")  # as it was after step 4
     auc = run_it(tmp_path / "again", frames, *STEPS, f"ckpt_path={run}/checkpoints/last.ckpt")
     assert auc == whole[1]
     assert_equal_weights(tmp_path / "again", whole[0])
@@ -119,9 +134,12 @@ def of_seed_1(source: Path, copy: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["gone", "damaged", "of another run"])
-def test_a_best_checkpoint_that_cannot_be_counted_is_told(tmp_path, frames, kind):
-    last = interrupted(tmp_path / "run", frames, 5)
-    best = last.with_name("best.ckpt")
+def test_a_best_checkpoint_that_cannot_be_counted_is_told(stopped, tmp_path, frames, kind):
+    last, best = stopped, stopped.with_name("best.ckpt")
+    content = torch.load(last, weights_only=True)
+    best_state(content)["best_k_models"] = {str(best): best_state(content)["best_model_score"]}
+    best_state(content)["dirpath"] = str(best.parent)  # not where the best one of the whole run is
+    torch.save(content, last)
     of_seed_1(best, best)
     if kind != "of another run":
         best.unlink()
@@ -233,7 +251,7 @@ OTHER = {
 @pytest.mark.parametrize("other", OTHER)
 def test_a_checkpoint_of_another_run_is_refused_with_what_differs(whole, tmp_path, frames, other):
     last = whole[0] / "checkpoints" / "last.ckpt"
-    more = [*STEPS, f"paths.outputs={whole[0].parent}", other]
+    more = [*STEPS, f"paths.outputs={whole[0]}", other]
     with pytest.raises(BadInputError, match=rf"{last} is of another run, with .*{OTHER[other]}"):
         run_it(tmp_path / "again", frames, *more, f"ckpt_path={last}")
     with pytest.raises(BadInputError, match=rf"the newest, {last}, is of another run, with .*{OTHER[other]}"):
@@ -245,8 +263,11 @@ def test_other_frames_are_another_run_but_not_another_place(whole, tmp_path, fra
     moved = tmp_path / "elsewhere" / frames.name
     shutil.copytree(frames, moved, copy_function=shutil.copy2)
     assert run_it(tmp_path / "moved", moved, *STEPS, last) == whole[1]
+    for file in moved.iterdir():
+        os.utime(file)  # as a copy that keeps no times
+    assert run_it(tmp_path / "copied", moved, *STEPS, last) == whole[1]
     shutil.copy(moved / "003.png", moved / "004.png")  # the same names and the same number
-    with pytest.raises(BadInputError, match=rf"other frames \(going by .*, data.path={frames} \(here {moved}\)"):
+    with pytest.raises(BadInputError, match=rf"other frames \(by the names, .*, data.path={frames} \(here {moved}\)"):
         run_it(tmp_path / "changed", moved, *STEPS, last)
     validation = "data@val_data=folder", f"val_data.path={frames}"
     with pytest.raises(BadInputError, match=r"val_data=None \(here None\)|val_data\._target_=None"):
@@ -257,6 +278,36 @@ def test_what_changes_speed_only_is_the_same_run(whole, stopped, tmp_path, frame
     workers = "datamodule.labelling_workers=2", "datamodule.loading_workers=1", "trainer.log_every_n_steps=1"
     auc = run_it(tmp_path / "again", frames, *STEPS, *workers, f"ckpt_path={stopped}")
     assert_same_end(tmp_path / "again", auc, whole)
+
+
+def test_another_precision_is_told(stopped, tmp_path, frames):
+    told = r"trained with trainer\.precision=32-true, this run goes on with bf16-mixed"
+    with pytest.warns(InputWarning, match=told):
+        run_it(tmp_path / "again", frames, *STEPS, "trainer.precision=bf16-mixed", f"ckpt_path={stopped}")
+
+
+def test_a_finished_run_whose_best_checkpoint_is_lost_has_no_score(whole, tmp_path, frames):
+    last = stopped_after(8, whole, tmp_path / "run")
+    (last.with_name("best.ckpt")).unlink()
+    (whole[0] / "checkpoints" / "best.ckpt").rename(tmp_path / "hidden.ckpt")
+    try:
+        with (
+            pytest.raises(BadInputError, match="no score: its best checkpoint is lost"),
+            pytest.warns(InputWarning, match="is gone"),
+        ):
+            run_it(tmp_path / "again", frames, *STEPS, f"ckpt_path={last}")
+    finally:
+        (tmp_path / "hidden.ckpt").rename(whole[0] / "checkpoints" / "best.ckpt")
+
+
+def test_the_time_that_a_run_may_take_is_its_own(tmp_path, frames, capsys):
+    """Not that of the run which it goes on with, and whose time was over."""
+    steps = "trainer.max_steps=100000", "trainer.val_check_interval=100000", "~callbacks.pictures"
+    timed = run_it(tmp_path / "run", frames, *steps, "trainer.max_time=00:00:00:01")
+    done = stored(tmp_path / "run", "last")["global_step"]
+    assert f"max_time=00:00:00:01 ended the run after {done} of 100000 steps: ckpt_path=last" in capsys.readouterr().out
+    assert run_it(tmp_path / "run", frames, *steps, "trainer.max_time=00:00:00:01", "ckpt_path=last") >= timed
+    assert stored(tmp_path / "run", "last")["global_step"] > done
 
 
 def test_last_is_the_newest_of_this_run(whole, stopped, tmp_path, frames, capsys):
@@ -343,43 +394,12 @@ def test_a_run_with_a_comparison_is_taken_up(command, whole, stopped, frames, fo
 def test_a_record_names_the_keys_that_a_user_sets(tmp_path, frames):
     config = config_of(tmp_path / "run", frames)
     trainer = type("Trainer", (), {"num_nodes": 2, "num_devices": 3})
-    data = type("Data", (), {"data_digest": lambda self: "abc"})()
+    data = type("Data", (), {"data_digest": lambda self: "abc", "sample_digest": lambda self: "def"})()
     record = record_of(config, data, trainer)
-    assert record["told"] == {"data.path": str(frames), "data.names": None, "trainer.max_steps": 2}
+    told = {"trainer.max_steps": 2, "trainer.precision": "32-true", "sample of frames": "def"}
+    assert record["told"] == {"data.path": str(frames), "data.names": None, **told}
     expected = {"seed": 0, "k": 10, "n_max": 60, "model.width": 4, "optim.optimizer.lr": 1e-3, "processes": 6}
     assert expected.items() <= record["identity"].items()
     assert record["identity"]["frames"] == "abc"
     assert not any(key.endswith(("_workers", "index_folder")) for key in record["identity"])
     assert find_start(config, record) is None
-
-
-CRASH = """
-import lightning as L
-class CrashAt(L.Callback):
-    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx):
-        if trainer.global_step == 3:
-            raise RuntimeError("power cut")
-"""
-
-
-@pytest.mark.slow
-def test_two_processes_go_on_as_if_not_interrupted(process, frames, folders):
-    """Each with the points that it had selected ahead."""
-    two = "trainer.devices=2", "trainer.strategy=ddp", *STEPS, "trainer.max_steps=5"
-
-    def trained(run: str, *more: str) -> tuple[int, str]:
-        folder = f"hydra.run.dir={folders}/outputs/{run}"
-        child = process("train", *TINY, "data=folder", f"data.path={frames}", *two, folder, *more)
-        return child.wait(timeout=120), child.log.read_text()
-
-    code, out = trained("whole")
-    assert code == 0, out
-    (folders / "crash.py").write_text(CRASH)  # in the working folder, which Python looks into
-    code, out = trained("run", "+callbacks.crash._target_=crash.CrashAt")
-    assert code != 0
-    assert "power cut" in out
-    assert stored(folders / "outputs" / "run", "last")["global_step"] == 2
-    code, out = trained("again", f"ckpt_path={folders}/outputs/run/checkpoints/last.ckpt")
-    assert code == 0, out
-    for name in ("last", "best"):
-        assert_equal_weights(folders / "outputs" / "again", folders / "outputs" / "whole", name)

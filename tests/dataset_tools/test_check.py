@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ from sips_lit.dataset_tools.check import DataSetReport, check, check_sequence, c
 from sips_lit.dataset_tools.recognise import DataSet, recognise
 from sips_lit.datasets import kitti, rgbd
 from sips_lit.errors import BadInputError
+from sips_lit.frames.video import video
 from sips_lit.types import Camera
 
 
@@ -46,6 +48,44 @@ def test_parts_path_rate_and_damage_are_counted():
     assert report.rate == pytest.approx(10)
     assert report.path_metres == pytest.approx(0.9)
     assert report.turn_degrees == pytest.approx(30)
+
+
+class Named(ArraySequence):
+    """Frames with the names that a test gives them."""
+
+    names: tuple[str, ...] = ()
+
+    def frame_name(self, index):
+        return self.names[index]
+
+
+@pytest.mark.parametrize(
+    ("names", "rate", "steps_back"),
+    [
+        (("cam0_1548266470.0", "cam0_1548266470.1", "cam0_1548266470.05"), None, 1),
+        (("1548266470.0", "1548266470.1", "1548266470.2"), 10, 0),
+        (("1548266470_033333333", "1548266470_066666666", "1548266470_099999999"), None, 0),
+        (("0000000000", "0000000001", "0000000002"), None, 0),
+    ],
+)
+def test_times_in_names(names, rate, steps_back):
+    sequence = Named(flight(3).frames)
+    sequence.names = names
+    report = check_sequence(sequence)
+    assert report.steps_back == steps_back
+    assert (None if report.steps_back else report.rate) == (rate if rate is None else pytest.approx(rate, rel=1e-3))
+    remark = f"time steps back {steps_back} times"
+    assert any(remark in said for said in remarks(DataSetReport(DataSet(rgbd.SPEC, Path(), ""), [report]))) == bool(
+        steps_back
+    )
+
+
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_images_without_contrast(level):
+    flat = check_sequence(ArraySequence([np.full((48, 64), level, np.uint8)] * 3))
+    seen = check_sequence(ArraySequence(flight(3).frames))
+    said = remarks(DataSetReport(DataSet(rgbd.SPEC, Path(), ""), [flat, seen]))
+    assert sum("images without contrast" in remark for remark in said) == 1
 
 
 def test_how_much_of_the_depth_is_known():
@@ -113,6 +153,16 @@ def test_a_video_is_decoded_to_its_end(tmp_path):
     report = check_video(write_video(tmp_path / "a.mp4"))
     assert (report.frames, dict(report.sizes), report.unreadable) == (12, {(64, 48): 12}, [])
     assert report.rate == pytest.approx(20)
+
+
+def test_a_video_that_changes_its_shape_is_told_as_its_loader_says(tmp_path):
+    path = tmp_path / "turned.mjpeg"
+    images = [np.full(size, 90, np.uint8) for size in ((48, 64), (24, 32), (64, 48))]
+    path.write_bytes(b"".join(cv2.imencode(".jpg", image)[1].tobytes() for image in images for _ in range(2)))
+    (problem,) = check_video(path).unreadable
+    assert problem == f"{path}, frame 4, is 48x64, of another shape than the frames before: split the video there"
+    with pytest.raises(BadInputError, match=re.escape(problem)):
+        video(path, tmp_path / "cache")
 
 
 def test_a_file_that_is_no_video(tmp_path):

@@ -69,6 +69,15 @@ def test_links_are_refused(tmp_path):
         unpack(tmp_path / "a.zip", tmp_path / "out")
 
 
+def test_a_bomb_is_refused_before_all_of_it_is_unpacked(tmp_path, monkeypatch):
+    archive = make_tar(tmp_path / "a.tgz", {f"zeros{i}": bytes(10**6) for i in range(9)})
+    seen = []
+    monkeypatch.setattr(unpacking, "_check_member", lambda name, *_: seen.append(name))
+    with pytest.raises(BadInputError, match="times its size"):
+        unpack(archive, tmp_path / "out")
+    assert len(seen) < 5
+
+
 @pytest.mark.parametrize(("make", "name"), [(make_zip, "a.zip"), (make_tar, "a.tgz")])
 def test_a_bomb_is_refused(tmp_path, make, name):
     archive = make(tmp_path / name, {"zeros": bytes(20_000_000)})

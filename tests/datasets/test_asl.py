@@ -43,7 +43,8 @@ def test_sensor(tmp_path: Path, header: str):
         ("resolution: [94,", "resolution: [1e9,", "which is no size of an image"),
         ("resolution: [94,", "resolution: [1e308,", "which is no size of an image"),
         ("T_BS:", "x: " + "[" * 3000 + "\nT_BS:", "not readable as YAML"),
-        ("T_BS:", "# " + "x" * 2**20 + "\nT_BS:", "not readable as YAML: it is larger than 1048576 bytes"),
+        ("T_BS:", f"a: &a {{b: 1}}\nc: &c {{<<: [{'*a, ' * 99}*a]}}\nT_BS:", "not readable as YAML"),
+        ("T_BS:", "# " + "x" * 2**20 + "\nT_BS:", "not readable as YAML: it is larger than 65536 bytes"),
         ("data: [", "data: [1, ", "has T_BS: data"),
         ("T_BS:", "T_BC:", "has T_BS: data: None"),
         ("sensor_type: camera", "sensor_type: [camera", "not readable as YAML"),
@@ -141,3 +142,11 @@ def test_yaml_that_unfolds_to_terabytes_is_not_quoted(tmp_path: Path):
     with pytest.raises(BadInputError, match="has resolution: ") as caught:
         read_sensor(file)
     assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_sensor_that_windows_wrote(tmp_path: Path, encoding: str):
+    file = make_euroc(tmp_path) / "cam0" / "sensor.yaml"
+    lens, _ = read_sensor(file)
+    file.write_text(file.read_text(), encoding=encoding)
+    np.testing.assert_array_equal(read_sensor(file)[0].matrix, lens.matrix)

@@ -40,7 +40,7 @@ def test_places_in_words(tmp_path: Path):
     for i in range(9):
         (tmp_path / f"{i}.png").touch()
     (tmp_path / ".hidden").touch()
-    assert describe_place(tmp_path).endswith("has 0.png, 1.png, 2.png, 3.png, 4.png, 5.png and 3 more")
+    assert describe_place(tmp_path).endswith("has 0.png, 1.png, 2.png, 3.png and 5 more")
     assert describe_place(tmp_path / "0.png").endswith("0.png is a file")
 
 
@@ -119,8 +119,8 @@ def test_integers():
     assert to_integer(Path("t.txt"), 3, str(2**63 - 1), "a time") == 2**63 - 1
 
 
-@pytest.mark.parametrize("name", ["a" * 256, "b/" + "é" * 128, "a\0b"])
+@pytest.mark.parametrize("name", ["a" * 256, "b/" + "é" * 128, "a\0b", "\ud800"])
 def test_names_that_no_file_has(name: str):
     with pytest.raises(BadInputError, match=r"line 4 of t\.txt names .*, which is no name of a file"):
-        listed_file(Path("x"), name, Path("t.txt"), 4)
-    assert listed_file(Path("x"), "a" * 255, Path("t.txt"), 4) == Path("x", "a" * 255)
+        listed_file(Path("x"), name, "line 4 of t.txt")
+    assert listed_file(Path("x"), "a" * 255, "line 4 of t.txt") == Path("x", "a" * 255)

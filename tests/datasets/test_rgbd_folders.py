@@ -5,7 +5,7 @@ import pytest
 from rgbd_files import write_simple
 
 from sips_lit.datasets.rgbd import read_simple
-from sips_lit.datasets.rgbd_folders import rgbd_sequences, sequence_folders
+from sips_lit.datasets.rgbd_folders import rgbd_sequence, sequence_folders
 from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.types import Camera
 
@@ -43,17 +43,17 @@ def test_frames_without_depth_or_pose(tmp_path):
     cameras = [Camera(whole.camera.matrix + i, whole.camera.size) for i in range(4)]
     frames = replace(whole, depths=[None, *whole.depths[1:]], poses=[*whole.poses[:3], None], cameras=cameras)
     with pytest.warns(InputWarning, match="of 4 images of .* 1 have no depth map and 1 no pose"):
-        (sequence,) = rgbd_sequences({"desk": tmp_path}, lambda _: frames, None)
+        sequence = rgbd_sequence("desk", tmp_path, frames, None)
     assert (sequence.name, len(sequence)) == ("desk", 4)
     with pytest.warns(InputWarning, match="left out"):
-        (kept,) = rgbd_sequences({"desk": tmp_path}, lambda _: frames, None, drop_incomplete=True)
+        kept = rgbd_sequence("desk", tmp_path, frames, None, drop_incomplete=True)
     assert [file.stem[-1] for file in kept.files] == ["1", "2"]
     assert [kept.camera(i).matrix[0, 0] for i in range(2)] == [151, 152]
     frames = replace(whole, depths=[None] * 4)
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # a data set without depth lacks nothing
-        rgbd_sequences({"desk": tmp_path}, lambda _: frames, None)
+        rgbd_sequence("desk", tmp_path, frames, None)
     with pytest.warns(InputWarning), pytest.raises(BadInputError, match="only 0 images"):
-        rgbd_sequences({"desk": tmp_path}, lambda _: frames, None, drop_incomplete=True)
+        rgbd_sequence("desk", tmp_path, frames, None, drop_incomplete=True)
     with pytest.raises(BadInputError, match="max_side"):
-        rgbd_sequences({"desk": tmp_path}, lambda _: whole, 3)
+        rgbd_sequence("desk", tmp_path, whole, 3)

@@ -1,4 +1,5 @@
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import torch
 from textured_scenes import texture
 from tiny_network import lightning_content, save_lightning, tiny_network
 
+from sips_lit.archives import zip_members
 from sips_lit.detect.checkpoint import METADATA_KEY, config_json, export_safetensors, load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
@@ -106,6 +108,11 @@ def test_of_another_program(tmp_path, foreign):
         {"network": {"depth": 3, "width": 4}, "selector": {"radius": 2}},
         {"network": {"depth": "three"}, "selector": {}},
         {"network": None, "selector": None},
+        {"network": {"depth": 10**6, "width": 4}, "selector": {}},
+        {"network": {"depth": 3, "width": 10**6}, "selector": {}},
+        {"network": {"depth": 3, "width": 4, "scales": 10**9}, "selector": {}},
+        {"network": {"depth": 3, "width": 4}, "selector": {"nms_radius": 1.5}},
+        {"network": {"depth": 3, "width": 4}, "selector": {"nms_radius": 10**9}},
         [1],
         "text",
         None,
@@ -114,6 +121,27 @@ def test_of_another_program(tmp_path, foreign):
 def test_of_another_configuration(tmp_path, content, hyper_parameters):
     torch.save({**content, "hyper_parameters": hyper_parameters}, tmp_path / "x.ckpt")
     assert "not a checkpoint of a sips_lit score network" in refused(tmp_path / "x.ckpt")
+
+
+@pytest.mark.parametrize("weights", [5, {5: torch.zeros(1)}, {"network.layers.0.bias": "text"}])
+def test_a_state_that_is_none(tmp_path, content, weights):
+    torch.save({**content, "state_dict": weights}, tmp_path / "x.ckpt")
+    assert "not one of sips-train" in refused(tmp_path / "x.ckpt")
+
+
+def test_a_file_that_unpacks_to_more_than_there_can_be(tmp_path, content, monkeypatch):
+    """Packed anew it is read; zeros in the place of a weight are small in the file only."""
+    torch.save(content, tmp_path / "whole.ckpt")
+    monkeypatch.setattr(zip_members, "LARGEST", 10**6)
+    for name, more in (("packed", 0), ("bomb", 10**6)):
+        with (
+            zipfile.ZipFile(tmp_path / "whole.ckpt") as whole,
+            zipfile.ZipFile(tmp_path / f"{name}.ckpt", "w", 8) as file,
+        ):
+            for member in whole.namelist():
+                file.writestr(member, whole.read(member) + bytes(more * member.endswith("data/0")))
+    load_checkpoint(tmp_path / "packed.ckpt")
+    assert "can't be read" in refused(tmp_path / "bomb.ckpt")
 
 
 @pytest.mark.parametrize("change", ["deeper", "wider", "missing", "more"])
@@ -128,7 +156,9 @@ def test_weights_that_do_not_fit(tmp_path, content, change):
     assert "use one of sips-train" in refused(tmp_path / "x.ckpt")
 
 
-@pytest.mark.parametrize("metadata", [None, {"other": "x"}, {METADATA_KEY: "{"}, {METADATA_KEY: "[]"}])
+@pytest.mark.parametrize(
+    "metadata", [None, {"other": "x"}, {METADATA_KEY: "{"}, {METADATA_KEY: "[]"}, {METADATA_KEY: "[" * 10**5}]
+)
 def test_safetensors_of_another_program(tmp_path, metadata):
     safetensors.torch.save_file({"weight": torch.zeros(2)}, tmp_path / "x.safetensors", metadata)
     refused(tmp_path / "x.safetensors")

@@ -1,3 +1,5 @@
+import math
+
 import pytest
 import torch
 from torch import nn
@@ -120,15 +122,17 @@ def test_no_pixels_no_logits(route):
     assert network().at(noise(9, 9), none, none, route).shape == (0,)
 
 
-@pytest.mark.parametrize(("depth", "width"), [(1, 8), (4, 7), (4, 0), (0, 2)])
+@pytest.mark.parametrize(("depth", "width"), [(1, 8), (4, 7), (4, 0), (0, 2), (10**9, 4), (2.5, 4)])
 def test_impossible_layers_are_refused(depth, width):
-    with pytest.raises(ValueError, match="depth >= 2 and an even width"):
+    with pytest.raises(ValueError, match="a depth of 2 to 1000 and an even width"):
         ScoreNetwork(depth, width)
 
 
-@pytest.mark.parametrize(("scales", "factor"), [(0, 1.4), (2, 1.0)])
+@pytest.mark.parametrize(
+    ("scales", "factor"), [(0, 1.4), (2, 1.0), (10**9, 1.4), (1.5, 1.4), (2, math.nan), (2, 1e300)]
+)
 def test_impossible_pyramids_are_refused(scales, factor):
-    with pytest.raises(ValueError, match="scales >= 1"):
+    with pytest.raises(ValueError, match="1 to 32 scales"):
         ScoreNetwork(4, 8, scales=scales, scale_factor=factor)
 
 

@@ -192,7 +192,7 @@ def test_colour_and_depth_in_one_folder(tmp_path: Path):
         BadInputError, match=r"different kinds, 6 frame-\*\.color\.png \(8-bit colour\).*16-bit"
     ) as caught:
         folder(tmp_path)
-    assert "set data.names=frame-*.color.png to read these alone" in str(caught.value)
+    assert "set 'data.names=frame-*.color.png' to read these alone" in str(caught.value)
     with pytest.warns(InputWarning, match="6 files are no frames"):
         (sequence,) = folder(tmp_path, names="frame-*.color.png")
     assert len(sequence) == 6
@@ -200,6 +200,16 @@ def test_colour_and_depth_in_one_folder(tmp_path: Path):
     with pytest.raises(BadInputError, match=r"no images named left\*\.png .*but frame-\*\.color\.png"):
         folder(tmp_path, names="left*.png")
     assert len(folder(fill(tmp_path / "digits", name="{}_mask.png"), names="*_mask.png")[0]) == 3
+
+
+def test_two_cameras_in_one_folder(tmp_path: Path):
+    for camera in (0, 1, 2):
+        write_images(tmp_path, f"cam{camera}_{{:03d}}.png", "grey")
+    with pytest.raises(BadInputError, match=r"set 'data\.names=cam0_\*\.png' or 'data\.names=cam1_\*\.png' or"):
+        folder(tmp_path)
+    with pytest.warns(InputWarning, match="12 files are no frames"):
+        (sequence,) = folder(tmp_path, names="cam1_*.png")
+    assert [sequence.frame_name(i) for i in range(6)] == [f"cam1_{i:03d}" for i in range(6)]
 
 
 def test_8_and_16_bits_of_one_name(tmp_path: Path):

@@ -6,7 +6,7 @@ import pytest
 from image_files import picture, write_images
 from PIL import Image
 
-from sips_lit.frames.image_kind import frames_among, group_of, in_folders, in_one_folder, name_groups, without_strays
+from sips_lit.frames.image_kind import frames_among, group_of, in_folders, in_one_folder, without_strays
 from sips_lit.frames.listing import list_images
 
 TIMES = [1305031102.175304 + 0.033 * i for i in range(6)]
@@ -19,6 +19,10 @@ DIFFERENT = {
     "masks": ([("{:04d}.png", "colour"), ("{:04d}_mask.png", "mask")], "*.png"),
     "masks of one name": ([("{:04d}.jpg", "colour"), ("{:04d}.png", "mask")], "*.jpg"),
     "masks of a grey camera": ([("img_{:04d}.png", "grey"), ("mask_{:04d}.png", "mask")], "img_*.png"),
+    "names of Blender": ([("r_{}.png", "colour"), ("r_{}_depth_0001.png", "colour")], "r_*.png"),
+    "words in one": ([("rgbImage{:03d}.png", "colour"), ("depthMap{:03d}.png", "colour")], "rgbImage*.png"),
+    "two cameras": ([("cam0_{:03d}.png", "grey"), ("cam1_{:03d}.png", "grey")], None),
+    "cameras last": ([("{:06d}_0.png", "grey"), ("{:06d}_1.png", "grey")], None),
     "unknown words": ([("one{:04d}.png", "grey"), ("two{:04d}.png", "grey")], None),
 }
 
@@ -28,7 +32,7 @@ def test_kinds_in_one_folder(tmp_path: Path, case: str):
     kinds, frames = DIFFERENT[case]
     for name, kind in kinds:
         write_images(tmp_path, name, kind)
-    conflict = in_one_folder(name_groups(list_images(tmp_path)))
+    conflict = in_one_folder(list_images(tmp_path))
     assert len(conflict) == 2
     found = [group.name for group in frames_among(conflict)]
     assert found == ([frames] if frames else [group.name for group in conflict])
@@ -37,18 +41,18 @@ def test_kinds_in_one_folder(tmp_path: Path, case: str):
 def test_times_that_mix(tmp_path: Path):
     for name, shift in (("left_{:.6f}.png", 0.0), ("right_{:.6f}.png", 0.011)):
         write_images(tmp_path, name, "grey", [time + shift for time in TIMES])
-    conflict = in_one_folder(name_groups(list_images(tmp_path)))
+    conflict = in_one_folder(list_images(tmp_path))
     assert [group.name for group in frames_among(conflict)] == ["left_*.*.png"]
 
 
 def test_bits_that_differ_within_a_pattern(tmp_path: Path):
     write_images(tmp_path, "{:04d}.png", "grey", range(0, 200, 2), (4, 4))
     write_images(tmp_path, "{:04d}.png", "depth", range(1, 200, 2), (4, 4))  # every other file
-    (group,) = in_one_folder(name_groups(list_images(tmp_path)))
+    (group,) = in_one_folder(list_images(tmp_path))
     assert str(group) == "200 *.png (8-bit and 16-bit grey)"
     write_images(tmp_path / "two", "image.png", "grey", [0])
     write_images(tmp_path / "two", "range.png", "depth", [0])
-    assert in_one_folder(name_groups(list_images(tmp_path / "two")))
+    assert in_one_folder(list_images(tmp_path / "two"))
 
 
 ALIKE = {
@@ -60,6 +64,13 @@ ALIKE = {
     "HPatches with another 1": [("{}.ppm", "colour", range(1, 7)), ("{}.jpg", "colour", (1,))],
     "two parts": [("a{:03d}.png", "grey", range(9)), ("b{:03d}.png", "grey", range(9, 20))],
     "one file of another format": [("{:04d}.jpg", "colour", range(9)), ("{:04d}.png", "colour", (9,))],
+    "two cameras one after the other": [
+        ("cam0_{:02d}.png", "grey", range(9)),
+        ("cam1_{:02d}.png", "grey", range(9, 20)),
+    ],
+    "scenes": [("scene1_{:02d}.png", "grey", range(9)), ("scene2_{:02d}.png", "grey", range(9))],
+    "tenths of seconds": [(f"15482664{i:02d}" + "_{}.png", "grey", range(0, 10, 2)) for i in range(4)],
+    "pairs of KITTI": [("{:06d}_10.png", "grey", range(9)), ("{:06d}_11.png", "grey", range(9))],
     "words": [("church{}.jpg", "colour", ("",)), ("tower{}.jpg", "grey", ("",)), ("bridge{}.jpg", "colour", ("",))],
     "hashes": [(f"{0x3FA9B1 * i:x}" + "{}.png", "colour" if i % 3 else "grey", ("",)) for i in range(1, 30)],
 }
@@ -70,11 +81,11 @@ def test_what_is_one_sequence(tmp_path: Path, case: str):
     for name, kind, numbers in ALIKE[case]:
         for number in numbers:
             cv2.imwrite(str(tmp_path / name.format(number)), picture(kind, 7))
-    assert in_one_folder(name_groups(list_images(tmp_path))) == []
+    assert in_one_folder(list_images(tmp_path)) == []
 
 
-def groups_in(root: Path) -> list:
-    return [group_of(place.name, list_images(place)) for place in sorted(root.iterdir())]
+def images_in(root: Path) -> dict[str, list[Path]]:
+    return {place.name: list_images(place) for place in sorted(root.iterdir())}
 
 
 FOLDERS = {
@@ -98,7 +109,7 @@ def test_kinds_of_folders(tmp_path: Path, case: str):
     if case == "a depth tour":
         for file in (tmp_path / "other").glob("view0*"):
             file.unlink()
-    conflict = in_folders(groups_in(tmp_path))
+    conflict = in_folders(images_in(tmp_path))
     assert bool(conflict) == (frames is not None)
     assert [group.name for group in frames_among(conflict)] == (frames or [])
 
@@ -106,11 +117,11 @@ def test_kinds_of_folders(tmp_path: Path, case: str):
 def test_smaller_copies_are_no_sequences(tmp_path: Path):
     for folder, factor in (("images", 1), ("images_2", 2), ("images_4", 4)):
         write_images(tmp_path / folder, "frame_{:05d}.png", "colour", size=(48 // factor, 64 // factor))
-    conflict = in_folders(groups_in(tmp_path))
+    conflict = in_folders(images_in(tmp_path))
     assert [group.name for group in frames_among(conflict)] == ["images"]
     for place in tmp_path.iterdir():  # of one size they are recordings that are numbered
         write_images(place, "frame_{:05d}.png", "colour")
-    assert in_folders(groups_in(tmp_path)) == []
+    assert in_folders(images_in(tmp_path)) == []
 
 
 @pytest.mark.parametrize(

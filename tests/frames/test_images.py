@@ -91,6 +91,22 @@ def test_as_pil_reads_it(tmp_path: Path, mode: str, suffix: str):
     assert difference(read_grey(tmp_path / ("a" + suffix)), np.asarray(image.convert("L"))) <= 1
 
 
+def test_lab_is_refused(tmp_path: Path):
+    lab = PIL.Image.merge("LAB", [PIL.Image.fromarray(GREY)] * 3)
+    lab.save(tmp_path / "a.tif")
+    with pytest.raises(BadInputError, match=r"a\.tif has colours in LAB.*save it as RGB"):
+        read_grey(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("maximum", [1023, 4095])
+def test_ten_and_twelve_bits(tmp_path: Path, maximum: int):
+    """Whatever greatest value the header tells, and in big-endian order."""
+    values = (GREY.astype(np.uint16) * (maximum // 255)).astype(">u2")
+    (tmp_path / "a.pgm").write_bytes(b"P5 64 48 %d\n" % maximum + values.tobytes())
+    np.testing.assert_array_equal(decode_values((tmp_path / "a.pgm").read_bytes(), "a"), values)
+    assert difference(read_grey(tmp_path / "a.pgm"), to_grey(values, "a")) == 0
+
+
 @pytest.mark.parametrize("progressive", [0, 1])
 def test_jpeg(tmp_path: Path, progressive: int):
     pil = pytest.importorskip("PIL.Image")

@@ -36,7 +36,9 @@ def ordered(names: list[str]) -> list[str]:
 
 
 @pytest.mark.parametrize("start", [0.0, 7.0, 1548266469.0])
-@pytest.mark.parametrize("pattern", ["{}.png", "left_{}.png", "{}_rgb.jpg"])
+@pytest.mark.parametrize(
+    "pattern", ["{}.png", "left_{}.png", "{}_rgb.jpg", "cam0_{}.png", "{}_2.png", "2024-01-02 {}.png"]
+)
 def test_decimal_times_without_trailing_zeros(pattern: str, start: float, recwarn: pytest.WarningsRecorder):
     names = [pattern.format(str(round(start + i * 0.03, 5))) for i in range(120)]  # 0.9, 0.93, ..., 1.02, 1.05
     assert ordered(names) == names
@@ -47,6 +49,10 @@ def test_a_few_times_since_1970(recwarn: pytest.WarningsRecorder):
     names = ["1548266470.09.png", "1548266470.1.png", "1548266470.11.png", "1548266471.png", "1548266471.5.png"]
     assert ordered(names) == names
     assert ordered(names[1:]) == names[1:]
+    assert ordered([*names, "preview.png"]) == [*names, "preview.png"]
+    assert ordered([name.replace(".", ",", 1) for name in names[:3]]) == [
+        name.replace(".", ",", 1) for name in names[:3]
+    ]
     assert not recwarn.list
 
 
@@ -58,6 +64,9 @@ def test_a_few_times_since_1970(recwarn: pytest.WarningsRecorder):
         [f"frame{i:06d}.png" for i in range(5)],
         [f"{12 + i // 10}.{i % 10}00000.png" for i in range(40)],  # padded times
         [f"seq{a}_img{b}.png" for a in range(3) for b in range(12)],
+        [f"{round(33.3333 * i, 4)}.png" for i in range(40)],  # milliseconds: either way of reading gives this order
+        [f"v1.{a}.{b}.png" for a in range(3) for b in range(12)],
+        ["img.png", *(f"img ({i}).png" for i in range(1, 12))],
     ],
 )
 def test_numbers(names: list[str], recwarn: pytest.WarningsRecorder):
@@ -69,6 +78,9 @@ def test_two_readings():
     """Of 1.8, 1.9, 1.11, 1.12 both are possible; a counter would have 1.10, but not all files need be there."""
     names = ["1.8.png", "1.9.png", "1.11.png", "1.12.png"]
     with pytest.warns(InputWarning, match=r"like 1\.1[12]\.png .* numbers behind a point \(1\.9 before 1\.10\)"):
+        assert ordered(names) == names
+    names = ["1548266470.1.png", "1548266470.25.png", "1548266470.3.png"]
+    with pytest.warns(InputWarning, match=r"like 1548266470\.25\.png .* taken as decimal times"):
         assert ordered(names) == names
 
 

@@ -17,7 +17,8 @@ from video_files import decoded, frames_of, one, write_video
 from sips_lit.errors import BadInputError
 from sips_lit.frames.span import Span
 from sips_lit.frames.video import video
-from sips_lit.frames.video_file import VideoFile, VideoFrame
+from sips_lit.frames.video_file import VideoFile
+from sips_lit.frames.video_frame import VideoFrame
 from sips_lit.types import GreyImage, ImageSequence
 
 

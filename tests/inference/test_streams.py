@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import PIL.Image
 import pytest
+from image_files import write_images
 from textured_scenes import flight, texture
 
 from sips_lit.errors import BadInputError, InputWarning
@@ -110,6 +111,29 @@ def test_one_range_for_a_folder_of_thermal_images(tmp_path):
     np.testing.assert_array_equal(a, c)
     assert a.std() > 0.7 * dark.std()
     assert b.std() == pytest.approx(a.std() / 8, rel=0.1)
+
+
+def test_depth_maps_and_masks_are_no_frames(tmp_path):
+    write_images(tmp_path / "a", "frame-{:06d}.color.png", "colour")
+    write_images(tmp_path / "a", "frame-{:06d}.depth.png", "depth")
+    with pytest.raises(BadInputError, match=r"set 'names=frame-\*\.color\.png' to read these alone"):
+        open_stream(tmp_path / "a", colour=True)
+    frames = list(open_stream(tmp_path / "a", colour=True, names="frame-*.color.png"))
+    assert [frame.name for frame in frames] == [f"frame-{i:06d}.color" for i in range(6)]
+    write_images(tmp_path / "b", "r_{}.png", "colour")
+    write_images(tmp_path / "b", "r_{}_depth_0001.png", "colour")
+    with pytest.raises(BadInputError, match=r"set 'names=r_\*\.png'"):
+        open_stream(tmp_path / "b", colour=True)
+    for side in ("left", "right"):  # two cameras are no reason not to see their points
+        write_images(tmp_path / "c", side + "{}.png", "grey")
+    assert open_stream(tmp_path / "c", colour=True).total == 12
+
+
+def test_a_deep_image_among_others_uses_its_own_range(tmp_path):
+    write(tmp_path / "a photo.png", COLOUR)
+    write(tmp_path / "thermal.png", 28900 + texture(60, 80).astype(np.uint16) * 4)
+    _, deep = open_stream(tmp_path, colour=False)
+    assert deep.grey.std() > 0.7 * texture(60, 80).std()
 
 
 def test_nothing_to_read(tmp_path):

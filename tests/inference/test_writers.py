@@ -106,7 +106,8 @@ def test_on_a_full_disk_the_old_result_stays(full_disk, kind):
     def filled(count: int) -> None:
         writer = VideoWriter(path, 25) if kind is VideoWriter else kind(path)
         noise = np.random.default_rng(0).integers(0, 256, (480, 640, 3), np.uint8)
-        many = Keypoints(*(np.full(shape, 1 / 3, np.float32) for shape in ((2000, 2), (2000,), (2000,))))
+        n = 2000 if kind in (NpzWriter, CsvWriter) else 1  # pictures fill the disk by themselves
+        many = Keypoints(*(np.full(shape, 1 / 3, np.float32) for shape in ((n, 2), (n,), (n,))))
         with contextlib.closing(writer):
             for index in range(count):
                 writer.write(Frame(f"{index}", noise[:, :, 0], noise), many)

@@ -1,6 +1,5 @@
 """What the tests of the commands share: a tiny run, frames as files, how a command ended."""
 
-import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,12 +41,6 @@ class Result:
         lines = [line for line in self.err.splitlines() if line.startswith("error: ")]
         assert len(lines) == 1, self.err
         return lines[0].removeprefix("error: ")
-
-
-class Process(subprocess.Popen[str]):
-    """A command that runs on its own; what it prints is in the file ``log``."""
-
-    log: Path
 
 
 Command = Callable[..., Result]

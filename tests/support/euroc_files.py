@@ -90,3 +90,24 @@ def make_euroc(sequence: Path, cameras: int = 2, frames: int = 4, columns: int =
         rows += f"{time},{','.join(f'{v:.9f}' for v in row)}\r\n"
     (truth / "data.csv").write_bytes(rows.encode())
     return mav0
+
+
+def as_tum_vi(mav0: Path) -> None:
+    """16-bit images, equidistant lenses calibrated in dso/camchain.yaml, poses of the body in mocap0."""
+    chain = []
+    for camera, lens in enumerate(LENSES):
+        (mav0 / f"cam{camera}" / "sensor.yaml").unlink()
+        K = lens.matrix
+        T = np.linalg.inv(T_BODY_CAMERA[camera])
+        chain.append(
+            f"cam{camera}:\n  T_cam_imu:\n"
+            + "".join(f"  - {row.tolist()}\n" for row in T)
+            + "  camera_model: pinhole\n"
+            f"  distortion_coeffs: [0.0035, 0.0007, -0.002, 0.0002]\n  distortion_model: equidistant\n"
+            f"  intrinsics: {[float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2])]}\n  resolution: [94, 60]\n"
+        )
+        for file in (mav0 / f"cam{camera}" / "data").iterdir():
+            assert cv2.imwrite(str(file), cv2.imread(str(file), cv2.IMREAD_GRAYSCALE).astype(np.uint16) * 40 + 900)
+    (mav0.parent / "dso").mkdir()
+    (mav0.parent / "dso" / "camchain.yaml").write_text("".join(chain))
+    (mav0 / "state_groundtruth_estimate0").rename(mav0 / "mocap0")

@@ -16,6 +16,7 @@ import kitti_files
 import numpy as np
 import posed_depth_files
 import rgbd_files
+import rgbd_layouts
 import robotcar_files
 import torch
 import tum_mono_files
@@ -30,14 +31,19 @@ from sips_lit.dataset_tools.unpack import unpack
 from sips_lit.datasets.euroc import euroc
 from sips_lit.datasets.hpatches import hpatches
 from sips_lit.datasets.kitti import kitti
+from sips_lit.datasets.nerfstudio import nerfstudio
 from sips_lit.datasets.posed_depth import posed_depth
+from sips_lit.datasets.replica import replica
 from sips_lit.datasets.rgbd import rgbd
 from sips_lit.datasets.robotcar import robotcar
+from sips_lit.datasets.scannet import scannet
+from sips_lit.datasets.seven_scenes import seven_scenes
 from sips_lit.datasets.tum_mono import tum_mono
 from sips_lit.describe.sift import RootSift
 from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.selection import PointSelector
+from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import FeatureCache, image_key
 from sips_lit.evaluate.method import Method
 from sips_lit.frames.folder import folder as image_folder
@@ -77,6 +83,11 @@ def plain(sequences: Iterable[ImageSequence]) -> None:
             camera, pose = sequence.camera(index), sequence.pose(index)
             assert camera is None or np.isfinite(camera.matrix).all()
             assert pose is None or np.isfinite(pose).all()
+            try:
+                depth = sequence.depth(index)
+            except BadInputError:
+                continue
+            assert depth is None or not np.isinf(depth).any()
 
 
 def image_kind(suffix: str, deep: bool = False, colour: bool = False) -> Kind:
@@ -102,9 +113,11 @@ def data_set(name: str, loader: Callable[..., list[ImageSequence]], make: Callab
 def video_kind(suffix: str, codec: str) -> Kind:
     def make(folder: Path) -> None:
         with av.open(str(folder / f"0.{suffix}"), "w") as container:
-            stream = container.add_stream(codec, rate=10)
-            stream.width, stream.height, stream.gop_size, stream.bit_rate = 64, 48, 4, 100_000
-            stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
+            stream = container.add_stream(codec, rate=25)
+            stream.width, stream.height, stream.gop_size = 64, 48, 4
+            if codec != "libsvtav1":
+                stream.bit_rate = 100_000
+            stream.pix_fmt = {"mjpeg": "yuvj420p", "gif": "rgb8"}.get(codec, "yuv420p")
             for index in range(8):
                 frame = av.VideoFrame.from_ndarray(texture(48, 96)[:, 2 * index : 2 * index + 64].copy(), "gray")
                 container.mux(stream.encode(frame.reformat(format=stream.pix_fmt)))
@@ -231,13 +244,36 @@ def read_download(folder: Path, file: Path) -> None:
     unpack(file, folder / "unpacked")
 
 
+def make_nerfstudio(folder: Path) -> None:
+    """With depth as arrays, and a lens."""
+    table = rgbd_layouts.write_nerfstudio(folder, 2, {"k1": 0.05}) / "transforms.json"
+    for file in (folder / "depths").iterdir():
+        np.save(file.with_suffix(".npy"), cv2.imread(str(file), cv2.IMREAD_UNCHANGED).astype(np.float32))
+    text = table.read_text()
+    for number in (1, 2):
+        text = text.replace(f"depths/frame_{number:05d}.png", f"depths/frame_{number:05d}.npy")
+    table.write_text(text)
+
+
+def make_replica(folder: Path) -> None:
+    rgbd_layouts.write_replica(folder, 2, beside=True)
+
+
+def make_legacy_weights(folder: Path) -> None:
+    torch.save(torch.nn.Linear(3, 2).state_dict(), folder / "a.pth", _use_new_zipfile_serialization=False)
+
+
+def make_tum_vi(folder: Path) -> None:
+    euroc_files.as_tum_vi(euroc_files.make_euroc(folder / "room1", frames=2, columns=8))
+
+
 def make_kitti(folder: Path) -> None:
     kitti_files.make_kitti(folder, cameras=(0, 1), frames=3)
 
 
 KINDS = [
-    *(image_kind(suffix) for suffix in (".png", ".jpg", ".jp2", ".bmp", ".tif", ".pgm", ".webp")),
-    *(image_kind(suffix, colour=True) for suffix in (".ppm", ".jpeg", ".tiff")),
+    *(image_kind(suffix) for suffix in (".png", ".jpg", ".jpe", ".jp2", ".bmp", ".tif", ".pgm", ".webp")),
+    *(image_kind(suffix, colour=True) for suffix in (".ppm", ".pnm", ".jpeg", ".tiff")),
     *(image_kind(suffix, deep=True) for suffix in (".png", ".tif", ".pgm")),
     *(
         Kind(f"zip-{packed}", make_zip(packed), "a.zip", lambda folder, file: plain([ZipSequence(file)]))
@@ -247,6 +283,7 @@ KINDS = [
     data_set("posed_depth-packed", posed_depth, make_packed_depth, "*.npz"),
     data_set("kitti", kitti, make_kitti, "dataset/**/*.txt"),
     data_set("euroc", euroc, lambda folder: euroc_files.make_euroc(folder, frames=2), "mav0/*/*.*[vl]"),
+    data_set("tum_vi", lambda folder: euroc(folder / "room1"), make_tum_vi, "room1/**/*.[yc]*[lv]"),
     data_set("rgbd", rgbd, lambda folder: rgbd_files.write_simple(folder, 2), "*.*"),
     data_set("rgbd-depth", rgbd, lambda folder: rgbd_files.write_simple(folder, 2), "depth/*0.png"),
     data_set(
@@ -256,6 +293,11 @@ KINDS = [
         "*.txt",
         intrinsics=[60, 60, 32, 24],
     ),
+    data_set("seven_scenes", seven_scenes, lambda folder: rgbd_layouts.write_seven_scenes(folder, 2), "*0000.*"),
+    data_set("replica", replica, make_replica, "*.*"),
+    data_set("scannet", scannet, lambda folder: rgbd_layouts.write_scannet(folder, 2), "*/*.txt"),
+    data_set("nerfstudio", nerfstudio, make_nerfstudio, "*.json"),
+    data_set("nerfstudio-depth", nerfstudio, make_nerfstudio, "depths/*1.npy"),
     data_set("tum_mono", tum_mono, tum_mono_files.write_sequence, "*.*", photometric=True, geometric=True),
     data_set("hpatches", hpatches, lambda folder: hpatches_files.write_sequence(folder), "v_made/H_1_[23]"),
     data_set("hpatches-image", hpatches, lambda folder: hpatches_files.write_sequence(folder), "v_made/[12].ppm"),
@@ -270,6 +312,7 @@ KINDS = [
         "*.pth",
         read_baseline,
     ),
+    Kind("weights-legacy", make_legacy_weights, "*.pth", read_baseline),
     Kind("pairs.csv", make_pairs, "*.csv", read_pairs),
     Kind("caches", make_caches, "*.*[nz]", read_caches),
     Kind("features-cache", make_caches, "key-*/*.npz", read_caches),
@@ -279,11 +322,28 @@ KINDS = [
         video_kind(*pair)
         for pair in (
             ("mp4", "libx264"),
+            ("mp4", "libsvtav1"),
+            ("mov", "libx265"),
+            ("m4v", "mpeg4"),
             ("avi", "mjpeg"),
             ("webm", "libvpx"),
             ("mpg", "mpeg2video"),
+            ("m2v", "mpeg2video"),
+            ("vob", "mpeg1video"),
             ("mkv", "mpeg4"),
             ("ts", "libx264"),
+            ("m2ts", "libx264"),
+            ("wmv", "wmv2"),
+            ("flv", "flv"),
+            ("3gp", "mpeg4"),
+            ("ogv", "libvpx"),
+            ("mxf", "mpeg2video"),
+            ("gif", "gif"),
+            ("ivf", "libvpx-vp9"),
+            ("y4m", "wrapped_avframe"),
+            ("mjpeg", "mjpeg"),
+            ("h264", "libx264"),
+            ("hevc", "libx265"),
         )
     ),
     Kind("download", make_downloads, "a.*", read_download),

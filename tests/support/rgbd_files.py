@@ -1,5 +1,6 @@
 """RGB-D sequences in both layouts: a camera before a slanted, textured wall, rendered pixel by pixel."""
 
+import functools
 import json
 from pathlib import Path
 
@@ -34,11 +35,21 @@ def depth_of(xy: np.ndarray, T: np.ndarray, K: np.ndarray, distortion=None) -> t
 
 def render(index: int, K: np.ndarray, size: tuple[int, int], distortion=None) -> tuple[np.ndarray, np.ndarray]:
     """Image (H, W) uint8 and depth (H, W) in metres of a frame."""
+    return tuple(map(np.copy, _rendered(index, tuple(map(tuple, K)), size, distortion and tuple(distortion))))
+
+
+@functools.lru_cache(maxsize=64)
+def _rendered(index: int, K: tuple, size: tuple[int, int], distortion: tuple | None) -> tuple[np.ndarray, np.ndarray]:
     xy = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), -1).reshape(-1, 2)
-    depth, place = depth_of(xy, pose(index), K, distortion)
+    depth, place = depth_of(xy, pose(index), np.array(K), distortion)
     on_wall = (place[:, :2] * 150 + 400).reshape(size[1], size[0], 2).astype(np.float32)
-    image = cv2.remap(texture(800, 800), on_wall[..., 0], on_wall[..., 1], cv2.INTER_LINEAR)
+    image = cv2.remap(_wall(), on_wall[..., 0], on_wall[..., 1], cv2.INTER_LINEAR)
     return image, depth.reshape(size[1], size[0])
+
+
+@functools.cache
+def _wall() -> np.ndarray:
+    return texture(800, 800)
 
 
 def write_image(path: Path, image: np.ndarray) -> None:

@@ -159,3 +159,19 @@ def test_each_validation_pair_counts_in_one_process_and_all_take_equally_many(tm
     alone = [unpack(packed).pair.name for packed in ready(module(tmp_path)).val_dataloader()]
     assert sorted(counted) == sorted(alone)
     assert len(set(shares)) == 1
+
+
+def test_a_copy_of_the_frames_has_their_sample_and_other_frames_have_not(tmp_path):
+    sample = module(tmp_path).sample_digest()
+    copies = [ArraySequence(list(sequence.frames), sequence.name) for sequence in DATA]
+    for copy in copies:
+        copy.fingerprint = "other file times"
+    assert module(tmp_path, copies).data_digest() != module(tmp_path).data_digest()
+    assert module(tmp_path, copies).sample_digest() == sample
+    for sequence, frame in ((0, 0), (0, 13), (1, 5), (1, 11)):  # in training and in validation
+        changed = [ArraySequence([*sequence.frames], sequence.name) for sequence in DATA]
+        changed[sequence].frames[frame] = changed[sequence].frames[frame] ^ 1
+        assert module(tmp_path, changed).sample_digest() != sample
+    renamed = [ArraySequence(list(DATA[0].frames), "c"), DATA[1]]
+    shorter = [DATA[0], ArraySequence(list(DATA[1].frames[:-1]), DATA[1].name)]
+    assert len({module(tmp_path, data).sample_digest() for data in (renamed, shorter, DATA)}) == 3

@@ -265,8 +265,10 @@ def test_a_pair_that_never_comes_ends_the_run_with_its_name():
 
 def test_nobody_waits_for_a_worker_that_stands_still_when_the_run_is_interrupted():
     learner = Learner()
-    pairs = iter(loader(learner, 1))
+    pairs = iter(loader(learner, 2))
     next(pairs)
     stop_workers()
+    began = time.monotonic()
     pairs.close()
+    assert time.monotonic() - began < 6
     assert mp.active_children() == []
