@@ -144,9 +144,11 @@ class OneStepAhead:
     def _label(self, item: SourcePair, points: Points, workers: ThreadPoolExecutor) -> LabelledPair:
         pair, check = item.pair, self.checks[item.source]
         keypoints0, keypoints1 = points[0].keypoints, points[1].keypoints
-        labels = label_pair(pair, keypoints0, keypoints1, self.descriptor, check, workers.map, self.labelling_workers)
+        labels0, labels1, inliers = label_pair(
+            pair, keypoints0, keypoints1, self.descriptor, check, workers.map, self.labelling_workers
+        )
         images = image_tensor(pair.image0), image_tensor(pair.image1)
-        return LabelledPair(*images, *points, *labels, item.source, pair.name)
+        return LabelledPair(*images, *points, labels0, labels1, inliers, item.source, pair.name)
 
     def state_dict(self) -> dict[str, Any]:
         """Plain numbers and tensors, as a checkpoint may hold, of all processes: each has pairs of its own."""
