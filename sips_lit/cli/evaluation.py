@@ -42,6 +42,7 @@ class Keys:
     kind: str
     pairs: int
     overlap: float
+    overlap_below: float | None
     pairs_file: str | None
     seed: int
     features: str
@@ -50,7 +51,7 @@ class Keys:
     workers: int
 
 
-CHOICE = ("kind", "pairs", "overlap", "pairs_file", "seed")
+CHOICE = ("kind", "pairs", "overlap", "overlap_below", "pairs_file", "seed")
 """Keys that say how pairs are chosen."""
 MEASURED = tuple(field.name for field in fields(Measures))
 """Keys that say what is measured."""
@@ -174,7 +175,7 @@ def _in_words(choice: Mapping[str, Any]) -> dict[str, Any]:
         return {"pairs_file": Path(choice["pairs_file"]).name}
     if choice["kind"] != "random":
         return {"kind": choice["kind"]}
-    return {name: choice[name] for name in ("kind", "overlap", "seed")}
+    return {name: choice[name] for name in ("kind", "overlap", "overlap_below", "seed") if choice[name] is not None}
 
 
 def write_videos(folder: Path, methods: Sequence[Method], pairs: PairSet, n: int, frames: int) -> list[Path]:

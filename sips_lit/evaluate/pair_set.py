@@ -82,10 +82,9 @@ class PairSet:
         return self._keys[frame]
 
     def table(self) -> PairTable:
-        """Names, overlaps and true motions of all pairs."""
-        motions = [_motion(self.sequences[p.sequence], p.index0, p.index1) for p in self.listed]
-        overlap = np.array([p.overlap for p in self.listed], np.float64)
-        return PairTable(tuple(map(self._name, self.listed)), overlap, *np.array(motions, np.float64).T)
+        """Names, overlaps and motions of all pairs."""
+        columns = np.array([self._apart(pair) for pair in self.listed], np.float64).T
+        return PairTable(tuple(map(self._name, self.listed)), *columns)
 
     def verifiable(self) -> PairSet:
         """The pairs without those whose depth or pose their check misses: they say nothing about any method.
@@ -114,6 +113,11 @@ class PairSet:
         if not any(view.tells_depth for view in views(pair) or ()):
             return f"{pair.name} has depth maps without any depth in them: choose another source of inliers"
         return None
+
+    def _apart(self, pair: ListedPair) -> tuple[float, ...]:
+        sequence = self.sequences[pair.sequence]
+        gap = abs(pair.index1 - pair.index0) if sequence.temporal else math.nan
+        return pair.overlap, gap, pair.pixels, *_motion(sequence, pair.index0, pair.index1)
 
     def _name(self, pair: ListedPair) -> str:
         return f"{self.sequences[pair.sequence].name}:{pair.index0}-{pair.index1}"

@@ -24,12 +24,15 @@ IntArray = NDArray[np.int64]
 class PairTable:
     """The P pairs of a pair set, the same for all detectors.
 
-    ``name`` of each; ``overlap`` (P,); ``rotation`` (P,) in degrees and ``translation`` (P,) in metres between the two true
-    poses, NaN where these are not known.
+    ``name`` of each; ``overlap`` (P,); ``gap`` (P,): how many frames later the other is, NaN where their order means
+    nothing; ``pixels`` (P,): median distance of places of both images, NaN where unknown; ``rotation`` (P,) in degrees and
+    ``translation`` (P,) in metres between the two true poses, NaN where these are not known.
     """
 
     name: tuple[str, ...]
     overlap: FloatArray
+    gap: FloatArray
+    pixels: FloatArray
     rotation: FloatArray
     translation: FloatArray
 

@@ -57,7 +57,7 @@ def evaluate_detector(
     """
     sources, measures = as_sources(data), measures or Measures(seed=seed)
     with tempfile.TemporaryDirectory() as folder:
-        listed = choose_pairs(sources, index_folder or folder, "random", pairs, overlap, seed, workers=workers)
+        listed = choose_pairs(sources, index_folder or folder, "random", pairs, overlap, seed=seed, workers=workers)
     chosen = {"kind": "random", "overlap": overlap, "seed": seed}
     pair_set = PairSet(sources, listed, inliers, chosen=chosen).verifiable()
     name = detector.name if descriptor is None else f"{detector.name} + {descriptor.name}"

@@ -17,18 +17,22 @@ from sips_lit.pairs.overlap import OverlapParameters
 from sips_lit.pairs.sampler import SourceSampler
 from sips_lit.types import ImageSequence
 
-COLUMNS = ("sequence", "index0", "index1", "overlap")
+COLUMNS = ("sequence", "index0", "index1", "overlap", "pixels")
 Kind = Literal["random", "first_to_others"]
 
 
 @dataclass(frozen=True, slots=True)
 class ListedPair:
-    """Frames ``index0`` and ``index1`` of the sequence at position ``sequence``; ``overlap`` is NaN where unknown."""
+    """Frames ``index0`` and ``index1`` of the sequence at position ``sequence``.
+
+    ``overlap``, and the median distance in ``pixels`` of places of both images, are NaN where unknown.
+    """
 
     sequence: int
     index0: int
     index1: int
     overlap: float
+    pixels: float = math.nan
 
 
 def choose_pairs(
@@ -37,16 +41,17 @@ def choose_pairs(
     kind: Kind = "random",
     pairs: int = 100,
     overlap: float = 0.5,
+    overlap_below: float | None = None,
     seed: int = 0,
     pairs_file: str | Path | None = None,
     workers: int = 2,
 ) -> list[ListedPair]:
     """The pairs of a pair set; sequences are counted through all sources.
 
-    ``pairs_file`` wins over everything else. Otherwise ``random``: ``pairs`` different pairs of at least ``overlap``, fixed
-    by ``seed`` (fewer, with a warning, where there are not so many); ``first_to_others``: the first frame of each sequence
-    with each of its others (HPatches). Raises BadInputError for impossible numbers, when no pair reaches the overlap, and
-    when a frame can't be read.
+    ``pairs_file`` wins over everything else. Otherwise ``random``: ``pairs`` different pairs of at least ``overlap``, and
+    less than ``overlap_below``, fixed by ``seed`` (fewer, with a warning, where there are not so many);
+    ``first_to_others``: the first frame of each sequence with each of its others (HPatches). Raises BadInputError for
+    impossible numbers, when no pair reaches the overlap, and when a frame can't be read.
     """
     sequences = [sequence for source in sources for sequence in source.sequences]
     if pairs_file is not None:
@@ -65,21 +70,24 @@ def choose_pairs(
     require_readable(indexes)
     first_of_source = [sum(len(source.sequences) for source in sources[:at]) for at in range(len(sources))]
     listed = []
-    for at, choice in SourceSampler(sources, indexes, overlap, seed).fixed(pairs):
+    below = math.inf if overlap_below is None else overlap_below
+    for at, choice in SourceSampler(sources, indexes, overlap, seed, below).fixed(pairs):
         position = first_of_source[at] + choice.sequence
         early, late = sorted((choice.index0, choice.index1))
-        share = float(indexes[position].overlap(early)[late - early - 1])
-        listed.append(ListedPair(position, choice.index0, choice.index1, share))
+        of_early = indexes[position].overlap(early), indexes[position].motion_to(early)[:, 0]
+        share, pixels = (float(values[late - early - 1]) for values in of_early)
+        listed.append(ListedPair(position, choice.index0, choice.index1, share, pixels))
     if len(listed) < pairs:
-        warn_input(f"{pairs} pairs are asked for, and only {len(listed)} different ones overlap by {overlap:g}")
+        less = "" if overlap_below is None else f" and less than {overlap_below:g}"
+        warn_input(f"{pairs} pairs are asked for, and only {len(listed)} different ones overlap by {overlap:g}{less}")
     return listed
 
 
 def write_pair_file(path: Path, sequences: Sequence[ImageSequence], pairs: Sequence[ListedPair]) -> None:
-    """Writes a CSV with a row per pair: name of the sequence, both indices, overlap (empty where unknown)."""
-    overlaps = [None if math.isnan(pair.overlap) else pair.overlap for pair in pairs]
+    """Writes a CSV with a row per pair: name of the sequence, both indices, overlap and pixels (empty where unknown)."""
     rows = [
-        (sequences[p.sequence].name, p.index0, p.index1, overlap) for p, overlap in zip(pairs, overlaps, strict=True)
+        (sequences[p.sequence].name, p.index0, p.index1, *(None if math.isnan(x) else x for x in (p.overlap, p.pixels)))
+        for p in pairs
     ]
     make_folder(path.parent)
     write_csv(path, [COLUMNS, *rows])
@@ -88,8 +96,8 @@ def write_pair_file(path: Path, sequences: Sequence[ImageSequence], pairs: Seque
 def read_pair_file(path: str | Path, sequences: Sequence[ImageSequence]) -> list[ListedPair]:
     """The pairs of a file, in its order.
 
-    A row is ``sequence frame0 frame1``, by commas or spaces, perhaps with the overlap. A frame is given by its name or
-    its index (from 0); the columns are indices for sure if the head of the file calls them ``index0`` and ``index1``.
+    A row is ``sequence frame0 frame1``, by commas or spaces, perhaps with overlap and pixels. A frame is given by its name
+    or its index (from 0); the columns are indices for sure if the head of the file calls them ``index0`` and ``index1``.
     Empty lines and those that begin with # are passed over. Raises BadInputError with the line that can't be used.
     """
     path = Path(path)
@@ -111,7 +119,7 @@ def read_pair_file(path: str | Path, sequences: Sequence[ImageSequence]) -> list
             only_indices = tuple(fields[1:3]) == COLUMNS[1:3]
             continue
         where = f"line {number} of the pair list {path}"
-        if len(fields) not in (3, 4):
+        if len(fields) not in (3, 4, 5):
             raise BadInputError(f"{where} has {len(fields)} fields: give sequence, frame0 and frame1")
         if fields[0] not in by_name:
             has = ", ".join(list(by_name)[:5])
@@ -123,7 +131,10 @@ def read_pair_file(path: str | Path, sequences: Sequence[ImageSequence]) -> list
         index0, index1 = (_frame(text, sequences[position], names.get(position, {}), where) for text in fields[1:3])
         if index0 == index1:
             raise BadInputError(f"{where} pairs frame {fields[1]} with itself: give two different frames")
-        pairs.append(ListedPair(position, index0, index1, _overlap(fields[3:], where)))
+        overlap, pixels = (
+            _number(fields[at:], where, *of) for at, of in ((3, ("overlap", 1)), (4, ("pixels", math.inf)))
+        )
+        pairs.append(ListedPair(position, index0, index1, overlap, pixels))
     if not pairs:
         raise BadInputError(f"the pair list {path} has no pairs: give rows of sequence, frame0 and frame1")
     return pairs
@@ -140,13 +151,13 @@ def _frame(text: str, sequence: ImageSequence, names: dict[str, int], where: str
     )
 
 
-def _overlap(fields: list[str], where: str) -> float:
+def _number(fields: list[str], where: str, what: str, most: float) -> float:
     if not fields or not fields[0]:
         return math.nan
     try:
-        overlap = float(fields[0])
+        number = float(fields[0])
     except ValueError:
-        overlap = math.inf
-    if not (0 <= overlap <= 1 or math.isnan(overlap)):
-        raise BadInputError(f"{where} has {fields[0]} as its overlap: give a number from 0 to 1, or leave it out")
-    return overlap
+        number = -1
+    if number < 0 or number > most:
+        raise BadInputError(f"{where} has {fields[0]} as its {what}: give a number from 0 to {most:g}, or leave it out")
+    return number

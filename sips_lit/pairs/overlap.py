@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -92,16 +93,18 @@ class OverlapIndex:
         numbers = np.ravel_multi_index([part.astype(np.int64) for part in parts], (5, 6, 3, 3))
         return np.asarray(numbers, np.int64)
 
-    def reach(self, overlap: float) -> NDArray[np.int64]:
-        """For each frame (N,) how many later frames still have at least this overlap."""
+    def reach(self, overlap: float, below: float = math.inf) -> NDArray[np.int64]:
+        """For each frame (N,) how many later frames have at least this overlap, and less than ``below``."""
         row_of = np.repeat(np.arange(len(self)), np.diff(self.offsets))
         # the quotient as in `overlap`: a product of the target would miss some that are reached exactly
-        enough = self.survivors / np.maximum(1, self.points[row_of]) >= max(overlap, 1e-9)
+        overlaps = self.survivors / np.maximum(1, self.points[row_of])
+        enough = (overlaps >= max(overlap, 1e-9)) & (overlaps < below)
         return np.bincount(row_of, weights=enough, minlength=len(self)).astype(np.int64)
 
-    def partners(self, index: int, overlap: float) -> NDArray[np.int64]:
+    def partners(self, index: int, overlap: float, below: float = math.inf) -> NDArray[np.int64]:
         """The later frames that `reach` counts for frame ``index``, in order."""
-        return index + 1 + np.flatnonzero(self.overlap(index) >= max(overlap, 1e-9))
+        overlaps = self.overlap(index)
+        return index + 1 + np.flatnonzero((overlaps >= max(overlap, 1e-9)) & (overlaps < below))
 
     def part(self, start: int, stop: int) -> OverlapIndex:
         """The index of frames ``start`` to ``stop`` (exclusive), counted from ``start``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -36,25 +37,33 @@ class SourcePair:
 
 
 class PairSampler:
-    """Draws a random frame of some sequences and a random later frame with enough overlap, in random order.
+    """Draws a random frame of some sequences and a random later one with enough overlap, less than ``below``, in any order.
 
     Every frame that has such a partner is equally likely, and so is every `difficulty` that its partners have: else a slow
     camera would give little but neighbours that look alike. A draw is a pure function of (seed, epoch, index). Raises
     BadInputError when no pair reaches the overlap; ``names`` tells the user where.
     """
 
-    def __init__(self, indexes: Sequence[OverlapIndex], overlap: float, seed: int, names: Sequence[str] = ()) -> None:
-        self.seed, self.overlap, self.indexes = seed, overlap, list(indexes)
-        eligible = [np.flatnonzero(index.reach(overlap)) for index in indexes]
+    def __init__(
+        self,
+        indexes: Sequence[OverlapIndex],
+        overlap: float,
+        seed: int,
+        names: Sequence[str] = (),
+        below: float = math.inf,
+    ) -> None:
+        self.seed, self.range, self.indexes = seed, (overlap, below), list(indexes)
+        eligible = [np.flatnonzero(index.reach(*self.range)) for index in indexes]
         self._sequence = np.repeat(np.arange(len(indexes)), [len(frames) for frames in eligible])
         self._frame = np.concatenate([*eligible, np.zeros(0, np.int64)])
-        self.pair_count = sum(int(index.reach(overlap).sum()) for index in indexes)
+        self.pair_count = sum(int(index.reach(*self.range).sum()) for index in indexes)
         if not len(self._frame):
             best = max(
                 (float(index.overlap(i).max(initial=0)) for index in indexes for i in range(len(index))), default=0
             )
             raise BadInputError(
-                f"no two frames of {', '.join(names) or 'the data'} overlap by {overlap:g}: the most found is {best:.2f}; "
+                f"no two frames of {', '.join(names) or 'the data'} overlap by {overlap:g}"
+                f"{f' and less than {below:g}' if below < math.inf else ''}: the most found is {best:.2f}; "
                 "give more or closer frames of one moving camera, in temporal order, or ask for less overlap"
             )
 
@@ -63,7 +72,7 @@ class PairSampler:
         generator = np.random.default_rng([self.seed, epoch, index])
         at = generator.integers(len(self._frame))
         sequence, first = int(self._sequence[at]), int(self._frame[at])
-        partners = self.indexes[sequence].partners(first, self.overlap)
+        partners = self.indexes[sequence].partners(first, *self.range)
         of_partners = self.indexes[sequence].difficulty(first)[partners - first - 1]
         alike = partners[of_partners == generator.choice(np.unique(of_partners))]
         second = int(alike[generator.integers(len(alike))])
@@ -74,7 +83,7 @@ class PairSampler:
     def all_pairs(self) -> Iterator[PairChoice]:
         """Each pair once, the earlier frame first."""
         for sequence, first in zip(self._sequence.tolist(), self._frame.tolist(), strict=True):
-            for second in self.indexes[sequence].partners(first, self.overlap).tolist():
+            for second in self.indexes[sequence].partners(first, *self.range).tolist():
                 yield PairChoice(sequence, first, second)
 
 
@@ -85,14 +94,21 @@ class SourceSampler:
     has no pair with this overlap.
     """
 
-    def __init__(self, sources: Sequence[Source], indexes: Sequence[OverlapIndex], overlap: float, seed: int) -> None:
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        indexes: Sequence[OverlapIndex],
+        overlap: float,
+        seed: int,
+        below: float = math.inf,
+    ) -> None:
         self.seed, self.indexes = seed, list(indexes)
         self.samplers = []
         remaining = iter(indexes)
         for source in sources:
             own = list(itertools.islice(remaining, len(source.sequences)))
             names = [sequence.name for sequence in source.sequences[:3]]
-            self.samplers.append(PairSampler(own, overlap, seed, names=names))
+            self.samplers.append(PairSampler(own, overlap, seed, names, below))
         weights = np.cumsum([source.weight for source in sources])
         self.cumulative_weight = weights / weights[-1]
 

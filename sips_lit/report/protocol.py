@@ -7,7 +7,7 @@ from typing import Any
 
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.report.stored import plain
-from sips_lit.report.summary import main_budget, main_k
+from sips_lit.report.summary import apart, main_budget, main_k
 
 _WORDS = {
     "n_max": "most points per image, n_max",
@@ -68,8 +68,12 @@ def _sentences(result: PairSetResult, shared: Mapping[str, Any]) -> Iterator[str
     first, several = result.detectors[0], len(result.detectors) > 1
     pairs = _counted(len(first.pairs), "pair")
     overlap = f" with an overlap of at least {shared['overlap']}" if "overlap" in shared else ""
+    if "overlap_below" in shared:
+        overlap += f" and less than {shared['overlap_below']}"
     seed = f", drawn with seed {shared['seed']}" if overlap and "seed" in shared else ""
     yield f"{pairs} of images{overlap}{seed}{', the same for all methods' if several else ''}."
+    if apart(first.pairs):
+        yield f"The median pair is {apart(first.pairs)} apart."
     left_out = shared.get("left_out", ())
     if left_out:
         yield (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.evaluate.result import AtBudget, FloatArray, IntArray, MethodResult, PoseOutcome
+from sips_lit.evaluate.result import AtBudget, FloatArray, IntArray, MethodResult, PairTable, PoseOutcome
 from sips_lit.metrics.pose_auc import pose_auc
 from sips_lit.metrics.succinctness import SuccinctnessResult, histogram, summarise
 
@@ -101,3 +101,10 @@ def without_pose(outcome: IntArray) -> float:
     if not known.any():
         return float("nan")
     return float((known & (outcome != PoseOutcome.FOUND)).sum() / known.shape[1])
+
+
+def apart(pairs: PairTable) -> str:
+    """How far the two frames of a pair are apart, in the median of the pairs, as far as that is known; else nothing."""
+    units = {"frames": pairs.gap, "px": pairs.pixels, "m": pairs.translation, "degrees": pairs.rotation}
+    medians = {unit: float(np.nanmedian(values)) for unit, values in units.items() if not np.isnan(values).all()}
+    return ", ".join(f"{median:.3g} {unit}" for unit, median in medians.items())

@@ -66,7 +66,8 @@ def paper_columns(method: MethodResult, known: Columns) -> Columns:
 def all_columns(method: MethodResult) -> Columns:
     """Everything that is known of each pair: n_k and pose errors for every k, and the counts at every budget."""
     table = method.pairs
-    named: Columns = {"name": table.name, "overlap": table.overlap, "dR": table.rotation, "dt": table.translation}
+    named: Columns = {"name": table.name, "overlap": table.overlap, "gap": table.gap, "pixels": table.pixels}
+    named |= {"dR": table.rotation, "dt": table.translation}
     named |= {"points0": method.points0, "points1": method.points1}
     for index, k in enumerate(method.ks):
         named[f"n_{k}"] = median_needed(method, k)

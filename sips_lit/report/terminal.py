@@ -8,7 +8,7 @@ from tabulate import tabulate
 
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.report.columns import OWN_N, best_first, columns_of, is_scored
-from sips_lit.report.summary import main_k
+from sips_lit.report.summary import apart, main_k
 
 
 def table(result: PairSetResult) -> str:
@@ -31,10 +31,14 @@ def protocol_line(result: PairSetResult) -> str:
     """One line that says how the numbers were obtained; details within details are in the JSON."""
     p, first = result.protocol, next(iter(result.detectors), None)
     parts = [] if first is None else [f"k = {main_k(first)}", f"at most {first.n_max} points"]
-    chosen = ", ".join(f"{key}={p[key]}" for key in ("kind", "overlap", "seed", "pairs_file") if key in p)
+    chosen = ", ".join(
+        f"{key}={p[key]}" for key in ("kind", "overlap", "overlap_below", "seed", "pairs_file") if key in p
+    )
     parts.append(f"{p['pairs']} pair{'' if p['pairs'] == 1 else 's'}" + (f" ({chosen})" if chosen else ""))
     if first is not None and "search" in first.protocol:
         parts.append(f"{first.protocol['search']} search")
     for check in p["verification"]:
         parts.append(", ".join(f"{key}={value}" for key, value in check.items() if not isinstance(value, Mapping)))
+    if first is not None and apart(first.pairs):
+        parts.append(f"{apart(first.pairs)} apart (median)")
     return ", ".join(parts)

@@ -48,7 +48,7 @@ def test_many_detectors(benchmark, folders, checkpoint):
     )
     run = folders / "run"
     assert (run / "report.html").stat().st_size
-    assert (run / "data" / "pairs.csv").read_text().startswith("sequence,index0,index1,overlap\n")
+    assert (run / "data" / "pairs.csv").read_text().startswith("sequence,index0,index1,overlap,pixels\n")
     assert set(needed(run)) == {
         f"{key}_pairs.csv" for key in ("sips_rootsift", "sift", "sift_rootsift", "random_rootsift")
     }

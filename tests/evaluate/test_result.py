@@ -35,7 +35,13 @@ def test_shapes_are_those_of_the_docstrings(measured_flights):
     _, results = measured_flights
     for result in results:
         assert shapes(result) == SHAPES
-        assert shapes(result.pairs) == {"overlap": (P,), "rotation": (P,), "translation": (P,)}
+        assert shapes(result.pairs) == {
+            "overlap": (P,),
+            "gap": (P,),
+            "pixels": (P,),
+            "rotation": (P,),
+            "translation": (P,),
+        }
         assert len(result.ks) == K
         assert MEASURES.n in result.budgets
         for n, at in result.budgets.items():
@@ -66,8 +72,8 @@ def test_more_inliers_take_at_least_as_many_points(measured_flights):
 
 def test_a_table_is_as_long_as_its_pairs():
     zeros = np.zeros(3)
-    assert len(PairTable(("a", "b", "c"), zeros, zeros, zeros)) == 3
-    assert len(PairTable((), zeros[:0], zeros[:0], zeros[:0])) == 0
+    assert len(PairTable(("a", "b", "c"), *[zeros] * 5)) == 3
+    assert len(PairTable((), *[zeros[:0]] * 5)) == 0
 
 
 def test_results_are_not_changed_afterwards(measured_flights):

@@ -126,7 +126,7 @@ def test_all_csv(result, folder):
         rows = rows_of(folder / "kitti" / f"{method.key}_all.csv")
         assert len(rows) == PAIRS
         for pair, row in enumerate(rows):
-            expected = {"name": method.pairs.name[pair], "overlap": method.pairs.overlap[pair]}
+            expected = {key: getattr(method.pairs, key)[pair] for key in ("name", "overlap", "gap", "pixels")}
             expected |= {"dR": method.pairs.rotation[pair], "dt": method.pairs.translation[pair]}
             expected |= {"points0": method.points0[pair], "points1": method.points1[pair]}
             for at_k, k in enumerate(KS):
@@ -172,7 +172,7 @@ def test_results_json(result, folder):
         expected |= {"milliseconds": method.milliseconds, "defects": method.defects}
         for field in ("ks", "n_k", "rotation_error", "translation_error", "points0", "points1"):
             expected[field] = in_json(getattr(method, field))
-        pairs = ("name", "overlap", "rotation", "translation")
+        pairs = ("name", "overlap", "gap", "pixels", "rotation", "translation")
         expected["pairs"] = {field: in_json(getattr(method.pairs, field)) for field in pairs}
         at = ("matches", "inliers", "rotation_error", "translation_error", "outcome")
         at = ("n", *at, "repeatability", "matching_score", "spread")
@@ -196,7 +196,10 @@ def test_terminal(result):
     assert lines == expected
     assert protocol_line(result) == (
         "k = 7, at most 90 points, 6 pairs (overlap=0.25, seed=3), exact search, inliers=stereo_p3p, threshold=2.5"
+        ", 3 frames, 24.5 px, 1.48 m, 19.3 degrees apart (median)"
     )
+    pairs = result.detectors[0].pairs
+    assert (f"{np.median(pairs.translation[:-1]):.3g}", f"{np.median(pairs.rotation[:-1]):.3g}") == ("1.48", "19.3")
 
 
 class Tables(HTMLParser):

@@ -74,6 +74,7 @@ def test_each_verification_once_without_details():
 def test_sentences_for_several_methods():
     assert protocol_sentences(golden()) == (
         "6 pairs of images with an overlap of at least 0.25, drawn with seed 3, the same for all methods. "
+        "The median pair is 3 frames, 24.5 px, 1.48 m, 19.3 degrees apart. "
         "Each detector was asked for at least its 90 best points per image. "
         "n_k is the smallest number of points per image that gives k inliers. "
         "Verification: inliers stereo_p3p, threshold 2.5. "
@@ -89,7 +90,8 @@ def test_sentences_for_one_method_measured_once():
     protocol = {"left_out": ["a:1-2"], "kind": "first_to_others"}
     words = protocol_sentences(replace(result, protocol=protocol, detectors=(once,)))
     assert words == (
-        "6 pairs of images. 1 pair left out, as the verification needs a depth or pose that is not known: a:1-2. "
+        "6 pairs of images. The median pair is 3 frames, 24.5 px, 1.48 m, 19.3 degrees apart. "
+        "1 pair left out, as the verification needs a depth or pose that is not known: a:1-2. "
         "The detector was asked for at least its 90 best points per image. "
         "n_k is the smallest number of points per image that gives k inliers. Tables and curves are for k = 4."
     )

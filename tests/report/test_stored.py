@@ -49,7 +49,7 @@ def test_everything_is_stored(tmp_path, repeats, poses):
         )
         for name in ("n_k", "rotation_error", "translation_error", "points0", "points1"):
             np.testing.assert_array_equal(numbers(found[name]), getattr(method, name))
-        for name in ("overlap", "rotation", "translation"):
+        for name in ("overlap", "gap", "pixels", "rotation", "translation"):
             np.testing.assert_array_equal(numbers(found["pairs"][name]), getattr(method.pairs, name))
         assert found["pairs"]["name"] == list(method.pairs.name)
         for at, budget in zip(found["budgets"], method.budgets.values(), strict=True):

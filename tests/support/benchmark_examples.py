@@ -30,6 +30,8 @@ def pair_table(generator: np.random.Generator, pairs: int, poses: bool = True) -
     return PairTable(
         tuple(f"drive_{10 * i:06d}_{10 * i + 7:06d}" for i in range(pairs)),
         generator.uniform(0.5, 0.95, pairs),
+        np.full(pairs, 7.0),
+        unknown,
         rotation if poses else unknown,
         translation if poses else unknown,
     )

@@ -115,7 +115,10 @@ def golden() -> PairSetResult:
     fresh = Fresh()
     rotation, translation = fresh.floats(PAIRS, scale=30), fresh.floats(PAIRS, scale=3)
     rotation[-1] = translation[-1] = np.nan
-    table = PairTable(tuple(f"drive:{i}-{i + 3}" for i in range(PAIRS)), fresh.floats(PAIRS), rotation, translation)
+    apart = np.full(PAIRS, 3.0), np.array([8, 16, np.nan, 40, 32, 24.5])
+    table = PairTable(
+        tuple(f"drive:{i}-{i + 3}" for i in range(PAIRS)), fresh.floats(PAIRS), *apart, rotation, translation
+    )
     methods = (
         method(fresh, "alpha", "Alpha + RootSIFT", table, 0, probabilities=True),
         method(fresh, "beta", "Beta", table, 1, probabilities=False),
