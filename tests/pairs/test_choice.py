@@ -68,3 +68,16 @@ def test_a_file_wins(tmp_path):
 def test_impossible(tmp_path, options, words):
     with pytest.raises(BadInputError, match=words):
         choose_pairs(SOURCES, tmp_path, **options)
+
+
+def test_pairs_of_middle_difficulty_and_how_far_they_are_apart(tmp_path):
+    listed = choose_pairs(SOURCES, tmp_path, pairs=6, overlap=0.5, overlap_below=0.8)
+    assert all(0.5 <= pair.overlap < 0.8 for pair in listed)
+    sequences = [sequence for source in SOURCES for sequence in source.sequences]
+    for pair in listed:
+        H = sequences[pair.sequence].homography(pair.index0, pair.index1)
+        if H is not None:
+            moved = H @ [80, 60, 1]
+            assert pair.pixels == pytest.approx(np.hypot(*(moved[:2] / moved[2] - [80, 60])), rel=0.35)
+    with pytest.warns(InputWarning, match=r"different ones overlap by 0\.5 and less than 0\.8$"):
+        choose_pairs(SOURCES, tmp_path, pairs=10_000, overlap=0.5, overlap_below=0.8)

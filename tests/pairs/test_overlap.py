@@ -349,3 +349,12 @@ def test_difficulty_tells_overlap_distance_turn_and_zoom_apart():
     assert len(set(difficulty[2:])) == 8
     mirrored = index_of([[10, 10, 10], [], [], []], motion=[(2, -20, -0.4), (2, 20, 0.4), (2, 20, -0.4)])
     assert len(set(mirrored.difficulty(0))) == 1
+
+
+def test_overlap_within_bounds():
+    index = index_of([[10, 6, 5, 3], [9, 6, 1], [5, 2], [0], []])
+    assert index.reach(0.3, 0.6).tolist() == [2, 0, 1, 0, 0]
+    assert index.partners(0, 0.3, 0.6).tolist() == [3, 4]
+    for i in range(5):
+        assert len(index.partners(i, 0.3, 0.6)) == index.reach(0.3, 0.6)[i]
+    assert (index.reach(0.3, 0.6) + index.reach(0.6)).tolist() == index.reach(0.3).tolist()

@@ -160,3 +160,14 @@ def test_partners_of_unordered_frames_need_not_be_the_next_ones():
     sampler = PairSampler([FIRST, index], 0.5, seed=3)
     drawn = {(c.index0, c.index1) for c in (sampler.draw(0, i) for i in range(400)) if c.sequence == 1}
     assert {tuple(sorted(pair)) for pair in drawn} == {(0, 2), (0, 4), (1, 4), (2, 3)}
+
+
+def test_only_pairs_below_a_bound():
+    sampler = PairSampler([FIRST, SECOND], 0.3, seed=1, below=0.8)
+    drawn = {(c.sequence, *sorted((c.index0, c.index1))) for c in (sampler.draw(0, i) for i in range(200))}
+    assert drawn == {(0, 0, 2), (1, 0, 1), (1, 1, 2), (1, 1, 3)}
+    assert sampler.pair_count == len(list(sampler.all_pairs())) == 4
+    with pytest.raises(
+        BadInputError, match=r"no two frames of the data overlap by 0\.91 and less than 0\.95: the most"
+    ):
+        PairSampler([FIRST], 0.91, seed=1, below=0.95)
