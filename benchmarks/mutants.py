@@ -98,7 +98,8 @@ def pytest_in(folder: Path, tests: tuple[str, ...]) -> None:
     import sips_lit
 
     assert Path(sips_lit.__file__).is_relative_to(folder)
-    sys.exit(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", *(f"tests/{test}" for test in tests)]))
+    options = ["-o", "addopts=--import-mode=importlib", "-x", "-q", "-p", "no:cacheprovider"]  # in this process
+    sys.exit(pytest.main([*options, *(f"tests/{test}" for test in tests)]))
 
 
 def untouched(tests: tuple[str, ...]) -> int | None:

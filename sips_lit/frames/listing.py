@@ -111,7 +111,7 @@ def _by_decimals(name: str) -> tuple[list[tuple[int, int, str]], str]:
     key = list[tuple[int, int, str]]()
     for part in _split(name):
         number = _DECIMAL.fullmatch(part)
-        key += [(0, 0, ""), (1, int(number[1]), number[2].rstrip("0")), (0, 0, "")] if number else natural(part)
+        key += [(0, 0, ""), (1, int(number[1]), number[2]), (0, 0, "")] if number else natural(part)
     return key, PurePath(name).suffix
 
 

@@ -65,3 +65,13 @@ def test_every_damaged_byte_is_noticed_or_changes_nothing(tmp_path: Path):
         except BadInputError:
             refused += 1
     assert refused > len(whole) / 2
+
+
+@pytest.mark.parametrize("packed", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_a_member_that_is_shorter_than_announced_is_damaged(tmp_path: Path, packed: int):
+    path = write(tmp_path / "a.zip", packed)
+    member = next(m for m in list_members(path) if m.file_size)
+    assert len(read_member(path, member)) == member.file_size
+    member.file_size += 1
+    with pytest.raises(BadInputError, match=f"{member.filename} in .*a.zip is damaged"):
+        read_member(path, member)

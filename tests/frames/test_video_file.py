@@ -1,6 +1,7 @@
 """Damage of videos, and what is no damage, in the containers and codecs that people have."""
 
 import functools
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -318,3 +319,38 @@ def test_two_readers_of_one_file_do_not_disturb_each_other(tmp_path: Path):
         if pairs % 10 == 0:
             next(iter(VideoFile(path)))
     assert (pairs, first.damage, second.damage) == (FRAMES, None, None)
+
+
+@pytest.mark.parametrize("skipped", [5, 12, 30])
+def test_frames_that_an_edit_list_trims_are_no_damage(tmp_path: Path, skipped: int):
+    """As phones write it when one cuts a video: the packets before stay in the file, for decoding alone."""
+    data = bytearray(encode(tmp_path / "whole.mp4", "libx264").read_bytes())
+    at = data.index(b"elst") + 16  # version and flags, count, duration, then where the media begin
+    rate = data.index(b"mdhd") + 16
+    (begin,), (ticks,) = struct.unpack_from(">i", data, at), struct.unpack_from(">i", data, rate)
+    struct.pack_into(">i", data, at, begin + skipped * ticks // 30)
+    (tmp_path / "trimmed.mp4").write_bytes(data)
+    video = VideoFile(tmp_path / "trimmed.mp4")
+    assert numbers(video) == list(range(skipped, FRAMES))
+    assert (video.damage, video.total, holes(video)) == (None, FRAMES - skipped, [])
+
+
+@pytest.mark.parametrize("damaged", [7, 12, 40, 59])
+def test_a_packet_that_the_decoder_refuses_is_a_hole(tmp_path: Path, damaged: int):
+    path = tmp_path / "broken.webm"
+    with (
+        av.open(str(encode(tmp_path / "whole.webm", "libvpx-vp9"))) as whole,
+        av.open(str(path), "w") as container,
+    ):
+        source = whole.streams.video[0]
+        stream = container.add_stream_from_template(source)
+        for number, packet in enumerate(p for p in whole.demux(source) if p.size):
+            content = bytes(packet)
+            copy = av.Packet(bytes([content[0] ^ 0xC0]) + content[1:] if number == damaged else content)
+            copy.pts, copy.dts, copy.time_base, copy.stream = packet.pts, packet.dts, packet.time_base, stream
+            copy.is_keyframe = packet.is_keyframe
+            container.mux(copy)
+    video = VideoFile(path)
+    found = numbers(video)
+    assert found == [n for n in range(FRAMES) if not damaged <= n < GROUP * -(-(damaged + 1) // GROUP)]
+    assert video.damage is not None
