@@ -7,7 +7,7 @@ what is said of a file must not depend on which of them decoded it.
 import re
 import shutil
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,8 @@ import rgbd_layouts
 from cli_runs import TINY, Command, Result, write_frames
 from rgbd_files import SIMPLE_K, SIMPLE_SIZE, pose, render
 from textured_scenes import flight
+
+from sips_lit.types import GreyImage
 
 FLIGHT = flight(30, size=(128, 96)).frames
 SCENE = FLIGHT[:24]
@@ -63,11 +65,12 @@ class Kind:
         return next(text for names, text in self.says.items() if name in names.split())
 
 
-def write_video(path: Path, codec: str = "libx264") -> Path:
+def write_video(path: Path, codec: str = "libx264", frames: Sequence[GreyImage] = FLIGHT) -> Path:
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=30)
-        stream.width, stream.height, stream.pix_fmt, stream.gop_size, stream.bit_rate = 128, 96, "yuv420p", 6, 10**6
-        for image in FLIGHT:
+        stream.height, stream.width = frames[0].shape
+        stream.pix_fmt, stream.gop_size, stream.bit_rate = "yuv420p", 6, 10**6
+        for image in frames:
             container.mux(stream.encode(av.VideoFrame.from_ndarray(image, "gray").reformat(format="yuv420p")))
         container.mux(stream.encode(None))
     return path
@@ -84,6 +87,44 @@ def hole(folder: Path) -> Path:
     start = len(whole) // 2
     (folder / "hole.mkv").write_bytes(whole[:start] + bytes(900) + whole[start + 900 :])
     return folder / "hole.mkv"
+
+
+def long_sound(folder: Path) -> Path:
+    """5000 packets of sound between two frames, as cameras write them, which OpenCV takes for the end."""
+    path = folder / "sound.mkv"
+    with av.open(str(write_video(folder / "mute.mkv"))) as mute, av.open(str(path), "w") as container:
+        pictures = container.add_stream_from_template(mute.streams.video[0])
+        sound = container.add_stream("pcm_s16le", rate=8000)
+        for number, packet in enumerate(packet for packet in mute.demux(video=0) if packet.size):
+            packet.stream = pictures
+            container.mux(packet)
+            for step in range(5000 if number == 14 else 0):
+                samples = av.AudioFrame.from_ndarray(np.zeros((1, 8), np.int16), layout="mono")
+                samples.sample_rate, samples.pts = 8000, step * 8
+                container.mux(sound.encode(samples))
+    (folder / "mute.mkv").unlink()
+    return path
+
+
+def two_sizes(folder: Path) -> Path:
+    """A stream whose camera was switched to another size."""
+    larger = flight(30, size=(160, 120), seed=1).frames
+    parts = [write_video(folder / f"{i}.h264", frames=frames) for i, frames in enumerate((FLIGHT, larger))]
+    (folder / "sizes.h264").write_bytes(b"".join(part.read_bytes() for part in parts))
+    for part in parts:
+        part.unlink()
+    return folder / "sizes.h264"
+
+
+def turned(folder: Path) -> Path:
+    """Stills of a camera that was held upright, as their EXIF says."""
+    (folder / "stills").mkdir()
+    orientation = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    for index, image in enumerate(SCENE):
+        jpeg = cv2.imencode(".jpg", image)[1].tobytes()
+        exif = b"\xff\xe1" + (len(orientation) + 2).to_bytes(2, "big") + orientation
+        (folder / "stills" / f"{index:03d}.jpg").write_bytes(jpeg[:2] + exif + jpeg[2:])
+    return folder / "stills"
 
 
 def odd_codec(folder: Path) -> Path:
@@ -197,6 +238,9 @@ KINDS = {
         },
         "video",
     ),
+    "long sound between two frames": Kind(long_sound, {ALL: ""}, "video", {"check": "| 30 "}),
+    "a stream that changes its size": Kind(two_sizes, {ALL: ""}, "video", {"check": "160x120"}),
+    "stills that are turned": Kind(turned, {ALL: ""}, shows={"check": "96x128"}),
     "codec that can't be decoded": Kind(
         odd_codec, {ALL: r"error: .*\(XYZ1\).*ffmpeg -i \S*odd\.avi -c:v libx264 -crf 16 odd_h264\.mp4"}, "video"
     ),
