@@ -36,7 +36,6 @@ MOST_PIXELS = 2**25  # of an image: the tables of its rectification take 8 bytes
 MOST_BYTES = 2**16  # of a YAML file, which takes a second to parse then
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel = 2
-LARGEST_CONDITION = 1e6  # of a rigid motion with lengths in metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +111,7 @@ def _sensor(file: Path, camera: str) -> dict[str, Any]:
     T_camera_body: FloatArray = np.zeros(0)
     with contextlib.suppress(TypeError, ValueError):
         T_camera_body = np.array(own.get("T_cam_imu"), np.float64)
-    if T_camera_body.shape != (4, 4) or not np.linalg.cond(T_camera_body) < LARGEST_CONDITION:
+    if T_camera_body.shape != (4, 4) or not is_pose(T_camera_body[None])[0]:
         raise BadInputError(f"{file} has no T_cam_imu for {camera}: it should be 4 rows of 4 numbers, a rigid motion")
     T_body_camera = np.linalg.inv(T_camera_body)
     return {
