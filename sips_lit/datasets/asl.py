@@ -26,7 +26,6 @@ from sips_lit.errors import BadInputError
 from sips_lit.files import read_text
 from sips_lit.geometry.pose import to_rotation
 from sips_lit.geometry.rectify import LensCamera
-from sips_lit.types import FloatArray
 
 LAYOUT = (
     "the layout of EuRoC is mav0/ with cam0/ (and cam1/), each with sensor.yaml, data.csv and data/*.png, and, where it is "
@@ -36,7 +35,6 @@ MOST_PIXELS = 2**25  # of an image: the tables of its rectification take 8 bytes
 MOST_BYTES = 2**16  # of a YAML file, which takes a second to parse then
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel = 2
-LARGEST_CONDITION = 1e6  # of a rigid motion with lengths in metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +107,10 @@ def _sensor(file: Path, camera: str) -> dict[str, Any]:
     own = content.get(camera)
     if not isinstance(own, dict):
         raise BadInputError(f"{file} has no {camera}: it is of other cameras")
-    T_camera_body: FloatArray = np.zeros(0)
+    T_camera_body: NDArray[np.float64] = np.zeros(0)
     with contextlib.suppress(TypeError, ValueError):
         T_camera_body = np.array(own.get("T_cam_imu"), np.float64)
-    if T_camera_body.shape != (4, 4) or not np.linalg.cond(T_camera_body) < LARGEST_CONDITION:
+    if T_camera_body.shape != (4, 4) or not is_pose(T_camera_body[None])[0]:
         raise BadInputError(f"{file} has no T_cam_imu for {camera}: it should be 4 rows of 4 numbers, a rigid motion")
     T_body_camera = np.linalg.inv(T_camera_body)
     return {

@@ -295,6 +295,8 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[av.Pack
         yield from (packet for packet in container.demux(stream) if packet.size)
     except av.FFmpegError as error:
         av.logging.log(av.logging.ERROR, container.format.name, str(error))
+    except IndexError:  # at the end PyAV flushes all streams, also one that began on the way, which it does not know
+        return
 
 
 def _last(numbers: list[int], low: int, high: int) -> int | None:

@@ -479,12 +479,15 @@ def validated(run) -> dict[str, float]:
 
 
 @pytest.mark.slow
-def test_every_pair_validates_once_whatever_the_number_of_processes(process, command, frames, folders):
-    """Two pairs in three processes: one has no pair of its own, and an average would count the first pair twice."""
+@pytest.mark.parametrize(("processes", "pairs"), [(2, 5), (3, 2)])
+def test_every_pair_validates_once_whatever_the_number_of_processes(
+    process, command, frames, folders, processes, pairs
+):
+    """An average would count a pair twice; of three processes one has no pair of its own."""
     one, several = folders / "one", folders / "several"
-    same = "optim.optimizer.lr=0", "optim.scheduler=null", "trainer.max_steps=1", "datamodule.val_pairs=2", "k=3"
+    same = "optim.optimizer.lr=0", "optim.scheduler=null", "trainer.max_steps=1", f"datamodule.val_pairs={pairs}", "k=3"
     assert command("train", *given(frames, *same, f"hydra.run.dir={one}")).code == 0
-    ddp = "trainer.devices=3", "trainer.strategy=ddp", f"hydra.run.dir={several}"
+    ddp = f"trainer.devices={processes}", "trainer.strategy=ddp", f"hydra.run.dir={several}"
     code, out = ended(process("train", *given(frames, *same, *ddp)), 90)
     assert code == 0, out
     assert {"val/succinctness_auc", "val/ece", "val/mce", "val/brier"} <= validated(one).keys()

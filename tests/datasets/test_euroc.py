@@ -218,6 +218,9 @@ def test_as_stored_any_lens_will_do(tmp_path: Path):
     ("old", "new", "message"),
     [
         ("T_cam_imu", "T_other", "no T_cam_imu for cam0"),
+        ("T_cam_imu:\n  - [", "T_cam_imu:\n  - [.nan, 0, 0, 0]\n  # [", "no T_cam_imu for cam0"),
+        ("T_cam_imu:\n  - [", "T_cam_imu:\n  - [.inf, 0, 0, 0]\n  # [", "no T_cam_imu for cam0"),
+        ("T_cam_imu:\n  - [", "T_cam_imu:\n  - [9, 0, 0, 0]\n  # [", "no T_cam_imu for cam0"),
         ("cam0:", "cam5:", "no cam0"),
         ("distortion_coeffs: [0.0035, ", "distortion_coeffs: [", "distortion_coefficients"),
     ],

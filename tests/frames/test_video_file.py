@@ -354,3 +354,31 @@ def test_a_packet_that_the_decoder_refuses_is_a_hole(tmp_path: Path, damaged: in
     found = numbers(video)
     assert found == [n for n in range(FRAMES) if not damaged <= n < GROUP * -(-(damaged + 1) // GROUP)]
     assert video.damage is not None
+
+
+def test_a_stream_that_begins_on_the_way_is_no_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """PyAV then fails after the last packet, depending on memory that it does not own: here it always does."""
+    whole = VideoFile._open
+
+    class Growing:
+        def __init__(self, container):
+            self.container = container
+
+        def __getattr__(self, name):
+            return getattr(self.container, name)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *error):
+            self.container.close()
+
+        def demux(self, stream):
+            yield from self.container.demux(stream)
+            raise IndexError("list index out of range")
+
+    path = encode(tmp_path / "sound_later.flv", "libx264")
+    monkeypatch.setattr(VideoFile, "_open", lambda self: Growing(whole(self)))
+    video = VideoFile(path)
+    assert numbers(video) == list(range(FRAMES))
+    assert (video.damage, video.total) == (None, FRAMES)

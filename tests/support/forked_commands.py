@@ -54,5 +54,6 @@ def run(folder: Path, log: Path, environment: dict[str, str], name: str, argv: l
     with log.open("a") as handle:
         os.dup2(handle.fileno(), 1)
         os.dup2(handle.fileno(), 2)
+    sys.path.insert(0, str(folder))  # that of the script, as Python has it
     sys.argv = argv
     importlib.import_module(f"sips_lit.cli.{name}").main()
