@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import torch
 import torch.nn.functional as F
 from torch import Tensor
+
+BUDGETS = (10, 20, 40, 80)  # points an image
 
 
 def inlierness_loss(logits: Tensor, inlier: Tensor, known: Tensor) -> Tensor:
@@ -23,6 +27,42 @@ def consistency_loss(logits0: Tensor, logits1: Tensor, beta: float = 0.5) -> Ten
     Points of one place of the scene shall rank alike in every image: a match counts only where both are selected.
     """
     return F.smooth_l1_loss(logits0, logits1, reduction="sum", beta=beta)
+
+
+def ranking_loss(
+    logits0: Tensor, logits1: Tensor, index0: Tensor, index1: Tensor, budgets: Sequence[int] = BUDGETS
+) -> Tensor:
+    """How far the inliers among the n best points fall short of n, on average over the budgets n that leave a choice.
+
+    ``logits0`` and ``logits1`` (N,) are those of the points of both images, ``index0`` and ``index1`` (M,) the ends of the
+    inlier matches. A match counts as far as both ends are among the n best: by a sigmoid of how far the logit is above a
+    threshold that lets n points pass. Between 0 and 1; zero where there are fewer points than in any budget. Our choice: the
+    inliers of n points are what succinctness counts.
+    """
+    budgets = [n for n in budgets if n < min(len(logits0), len(logits1))]
+    if not budgets:
+        return (logits0.sum() + logits1.sum()) * 0
+    n = torch.tensor(budgets, dtype=logits0.dtype, device=logits0.device)
+    chosen0, chosen1 = soft_choice(logits0, n), soft_choice(logits1, n)
+    inliers = (chosen0[:, index0] * chosen1[:, index1]).sum(1)
+    return (1 - inliers / n).mean()
+
+
+def soft_choice(logits: Tensor, n: Tensor, steps: int = 30) -> Tensor:
+    """How far each of N points is among the n best, for B budgets ``n`` (B,): (B, N) between 0 and 1, with sum n.
+
+    The sigmoid of the logit above a threshold, which is found by bisection; its gradient follows from the sum.
+    """
+    with torch.no_grad():
+        low, high = (logits.min() - 20).expand(len(n)).clone(), (logits.max() + 20).expand(len(n)).clone()
+        for _ in range(steps):
+            middle = (low + high) / 2
+            many = torch.sigmoid(logits - middle[:, None]).sum(1) > n
+            low, high = torch.where(many, middle, low), torch.where(many, high, middle)
+        slope = torch.sigmoid(logits - low[:, None])
+        slope = slope * (1 - slope)
+    follows = (slope * (logits - logits.detach())).sum(1) / slope.sum(1)  # zero, with the gradient of the threshold
+    return torch.sigmoid(logits - (low + follows)[:, None])
 
 
 def constant_loss(rate: float) -> float:

@@ -21,7 +21,7 @@ from sips_lit.inliers.verification import verify
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.dataset import unpack
 from sips_lit.train.loader import LabelledPair
-from sips_lit.train.loss import consistency_loss, constant_loss, inlierness_loss
+from sips_lit.train.loss import consistency_loss, constant_loss, inlierness_loss, ranking_loss
 from sips_lit.types import Features, GreyImage, Reason
 
 
@@ -40,13 +40,16 @@ class SipsModule(L.LightningModule):
         optimizer: Callable[..., Optimizer],
         scheduler: Callable[..., LRScheduler] | None = None,
         points: int = 500,
+        pixels_per_point: int = 500,
         consistency: float = 0.3,
+        ranking: float = 0.0,
         gradient: Gradient = "patches",
     ) -> None:
         super().__init__()
         self.network, self.selector = network, selector
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
-        self.points, self.consistency, self.gradient = points, consistency, gradient
+        self.points, self.pixels_per_point, self.gradient = points, pixels_per_point, gradient
+        self.consistency, self.ranking = consistency, ranking
         self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)}, logger=False)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -57,7 +60,8 @@ class SipsModule(L.LightningModule):
     def select(self, image: GreyImage) -> SelectedPoints:
         """The points of an image (H, W) that the network selects now."""
         with self.trainer.precision_plugin.forward_context():
-            return self.selector.select(self.network, image_tensor(image, self.device), self.points)
+            n = min(self.points, image.size // self.pixels_per_point)
+            return self.selector.select(self.network, image_tensor(image, self.device), n)
 
     def training_step(self, pair: LabelledPair, batch_idx: int) -> Tensor:
         """Summed loss over the points of both images, and over their matches."""
@@ -72,8 +76,10 @@ class SipsModule(L.LightningModule):
             torch.from_numpy(index).to(self.device) for index in (pair.inliers.index0, pair.inliers.index1)
         )
         difference = consistency_loss(logits[0][index0], logits[1][index1])
+        shortfall = ranking_loss(*logits, index0, index1)
         self.log("train/consistency", difference.detach() / max(1, len(index0)), batch_size=1)
-        return loss + self.consistency * difference
+        self.log("train/shortfall", shortfall.detach(), batch_size=1)
+        return loss + self.consistency * difference + self.ranking * shortfall
 
     def _log_labels(self, pair: LabelledPair, loss: Tensor) -> None:
         known = np.concatenate([pair.labels0.known, pair.labels1.known])
