@@ -13,7 +13,7 @@ from tabulate import tabulate
 from sips_lit.cli.app import build, run
 from sips_lit.errors import BadInputError
 from sips_lit.frames.recording import Recording
-from sips_lit.frames.source import as_sources
+from sips_lit.frames.source import as_sources, chosen
 from sips_lit.pairs.index_run import IndexedSequence, ShareSummary, index_recordings, share
 
 SAVE_EVERY = 30.0  # seconds between two summaries of a run that goes on
@@ -54,7 +54,8 @@ def recordings(data: DictConfig) -> list[Recording]:
     decoded before its turn; else sequences.
     """
     if is_mixture(data):
-        return [part for source in data.sources.values() if source is not None for part in recordings(source.sequences)]
+        taken = chosen(data.sources, data.get("only"), data.get("without") or ())
+        return [part for source in taken.values() for part in recordings(source.sequences)]
     target = data.get("_target_")
     if target and hasattr(get_object(target), "recordings"):
         listed: list[Recording] = build(data, _target_=f"{target}.recordings")

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.views import frame_ranges
 from sips_lit.types import ImageSequence, InlierCheck
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +31,20 @@ class Source:
             raise BadInputError(f"the weight of a source is {self.weight:g}; make it positive, or leave the source out")
 
 
-def mixture(sources: Mapping[str, Source | None]) -> list[Source]:
-    """The sources of a mapping by name; those set to null are left out."""
-    return [replace(source, name=name) for name, source in sources.items() if source is not None]
+def mixture(
+    sources: Mapping[str, Source | None], only: Sequence[str] | None = None, without: Sequence[str] = ()
+) -> list[Source]:
+    """The sources of a mapping by name; those set to null are left out, those not in ``only``, and those in ``without``."""
+    return [replace(source, name=name) for name, source in chosen(sources, only, without).items()]
+
+
+def chosen(sources: Mapping[str, T | None], only: Sequence[str] | None, without: Sequence[str]) -> dict[str, T]:
+    """The sources, whatever describes them, that `mixture` takes. Raises BadInputError for a name that none has."""
+    for name in [*(only or ()), *without]:
+        if name not in sources:
+            raise BadInputError(f"the mixture has no source {name}: choose among {', '.join(sources)}")
+    names = [name for name in sources if (only is None or name in only) and name not in without]
+    return {name: source for name in names if (source := sources[name]) is not None}
 
 
 def as_sources(data: Sequence[ImageSequence] | Sequence[Source]) -> list[Source]:

@@ -130,6 +130,6 @@ def test_the_reference_pair_sets(command, shared_data, folders):
     assert result.code == 0, result.err
     with (folders / "run" / "summary.csv").open() as handle:
         auc = {(row["pair_set"], row["detector"]): float(row["auc"]) for row in csv.DictReader(handle)}
-    for key in ("kitti_truth", "kitti_p3p", "rgbd_desk", "v_churchill"):
+    for key in ("kitti_easy", "kitti_p3p", "desk", "desk_wide", "v_churchill", "scenes"):
         assert auc[key, "shi_tomasi_rootsift"] > 0.6
         assert auc[key, "random_rootsift"] < 0.2

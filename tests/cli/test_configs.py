@@ -198,6 +198,7 @@ def test_every_benchmark_composes(name, tmp_path):
 @pytest.mark.parametrize("name", sorted(set(names("experiment")) - set(BENCHMARKS)))
 def test_every_experiment_composes(name, tmp_path, checkpoint):
     given = [f"data.sources.{part}.sequences.path=x" for part in MIXTURES["robotics"]] if name == "paper" else []
+    given += ["root=x"] if name in ("released", "recipe_search") else []
     config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}", *given)
     OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     if config.compare is not None:

@@ -24,6 +24,21 @@ def test_mixture_names_its_sources_and_leaves_out_null():
     assert mixture({}) == []
 
 
+def test_a_mixture_of_some_of_its_sources():
+    sources = {name: Source([numbered(3)]) for name in ("drives", "desk", "boards")} | {"nothing": None}
+
+    def names(**which: list[str]) -> list[str]:
+        return [source.name for source in mixture(sources, **which)]
+
+    assert names(without=["desk"]) == ["drives", "boards"]
+    assert names(only=["boards", "desk"]) == ["desk", "boards"]
+    assert names(only=[]) == []
+    assert names(only=["desk", "nothing"], without=["nothing"]) == ["desk"]
+    for which in ({"only": ["planes"]}, {"without": ["desk", "planes"]}):
+        with pytest.raises(BadInputError, match="no source planes: choose among drives, desk, boards, nothing"):
+            mixture(sources, **which)
+
+
 @pytest.mark.parametrize("weight", [0, -1, float("nan")])
 def test_weights_must_be_positive(weight):
     with pytest.raises(BadInputError, match=r"the weight of a source is .*; make it positive"):
