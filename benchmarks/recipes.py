@@ -1,6 +1,6 @@
 """A table of a sweep of recipe_search: how good each recipe is on each kind of data that it was not trained on.
 
-    python benchmarks/recipes.py outputs/sweep/... [SCALAR]        SCALAR: val/succinctness_auc (default), val/n_at_80, val/ece, ...
+    python benchmarks/recipes.py outputs/sweep/... [SCALAR]        SCALAR: val/n_at_80, val/ece, ... (val/succinctness_auc)
 
 A row is a recipe (what was swept besides `held_out` and the seed), a column a kind; a cell is the mean of its seeds, and the
 standard deviation where there are several. The last column is the mean of the kinds. Runs that have not ended are left out.
