@@ -10,25 +10,27 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.geometry.image_changes import flip_camera, flip_homography, flip_pose, resize_camera, resize_map
-from sips_lit.types import FloatArray, FramePair, GreyImage, ViewGeometry
+from sips_lit.geometry.image_changes import flip_camera, flip_homography, flip_pose
+from sips_lit.types import FramePair, GreyImage, ViewGeometry
 
 SHARPNESS = 0.5  # pixels: the standard deviation of the blur that one pixel is taken to have
 
 
 @dataclass(frozen=True, slots=True)
 class Augmentation:
-    """Random mirrors and sizes of the whole pair, turns and scales of each planar image, photometric changes of each image.
+    """Random mirrors of the whole pair, turns and scales of each planar image, sizes and photometric changes of each image.
 
     Trackers keep the clean frames, so a label says that the place is the same though it looks different. ``flip``:
-    probability of each mirror; ``log2_shrink``: powers of two by which the pair shrinks at most; ``photometric``:
-    probability that an image is changed; the rest are the largest changes: ``contrast`` and ``gamma`` as factors,
-    ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as standard deviation in pixels, ``shade`` as
-    relative change of the light across the image, ``rotation`` in radians and ``log2_scale`` as power of two (our choice).
+    probability of each mirror; ``log2_shrink``: powers of two by which both images become smaller at most, and
+    ``log2_zoom`` each by itself; ``photometric``: probability that an image is changed; the rest are the largest changes:
+    ``contrast`` and ``gamma`` as factors, ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as
+    standard deviation in pixels, ``shade`` as relative change of the light across the image, ``rotation`` in radians and
+    ``log2_scale`` as power of two (our choice).
     """
 
     flip: float = 0.5
     log2_shrink: float = 0.0
+    log2_zoom: float = 0.0
     photometric: float = 0.7
     contrast: float = 1.6
     gamma: float = 1.5
@@ -46,12 +48,13 @@ class Augmentation:
         the pair has a homography and no other geometry, is each image turned and scaled by itself.
         """
         pair = mirror_pair(pair, generator.random() < self.flip, generator.random() < self.flip)
-        if self.log2_shrink:
-            pair = shrink_pair(pair, 2 ** generator.uniform(0, self.log2_shrink))
         if planar and (self.rotation or self.log2_scale) and pair.homography is not None and pair.geometry is None:
             angle = generator.uniform(-self.rotation, self.rotation, 2)
             scale = 2 ** generator.uniform(-self.log2_scale, self.log2_scale, 2)
             pair = turn_and_scale_pair(pair, (angle[0], angle[1]), (scale[0], scale[1]))
+        if self.log2_shrink or self.log2_zoom:
+            shrink = generator.uniform(0, self.log2_shrink) + generator.uniform(0, self.log2_zoom, 2)
+            pair = shrink_images(pair, *(2**shrink).tolist())
         images = (
             self.change_light(image, generator) if generator.random() < self.photometric else image
             for image in (pair.image0, pair.image1)
@@ -108,34 +111,17 @@ def mirror_pair(pair: FramePair, horizontal: bool, vertical: bool) -> FramePair:
     )
 
 
-def shrink_pair(pair: FramePair, factor: float) -> FramePair:
-    """The pair with all its images ``factor`` >= 1 times smaller, and the homography or cameras and depth that are known."""
+def shrink_images(pair: FramePair, factor0: float, factor1: float) -> FramePair:
+    """The pair with its two images made smaller by factors >= 1; its frames and what is known about them stay.
 
-    def shrunk(image: GreyImage) -> tuple[int, int]:
-        return max(1, round(image.shape[1] / factor)), max(1, round(image.shape[0] / factor))
+    `sips_lit.train.labelling.label_pair` finds the points of a smaller image in its frame.
+    """
 
-    def shrink(image: GreyImage) -> GreyImage:
-        return np.asarray(cv2.resize(image, shrunk(image), interpolation=cv2.INTER_AREA), np.uint8)
+    def shrink(image: GreyImage, factor: float) -> GreyImage:
+        size = max(1, round(image.shape[1] / factor)), max(1, round(image.shape[0] / factor))
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
-    def shrink_depth(depth: FloatArray | None) -> FloatArray | None:  # of places that are there: none is a mean of two
-        return None if depth is None else cv2.resize(depth, shrunk(depth), interpolation=cv2.INTER_NEAREST_EXACT)
-
-    H, g = pair.homography, pair.geometry
-    if H is not None:
-        map0, map1 = (resize_map(image.shape[::-1], shrunk(image)) for image in (pair.image0, pair.image1))
-        H = map1 @ H @ np.linalg.inv(map0)
-    if g is not None:
-        g = replace(
-            g,
-            camera0=resize_camera(g.camera0, shrunk(pair.image0)),
-            camera1=resize_camera(g.camera1, shrunk(pair.image1)),
-            depth0=shrink_depth(g.depth0),
-            depth1=shrink_depth(g.depth1),
-            right0=None if g.right0 is None else shrink(g.right0),
-            right1=None if g.right1 is None else shrink(g.right1),
-        )
-    frames, image0, image1 = tuple(map(shrink, pair.frames)), shrink(pair.image0), shrink(pair.image1)
-    return replace(pair, frames=frames, image0=image0, image1=image1, homography=H, geometry=g)
+    return replace(pair, image0=shrink(pair.image0, factor0), image1=shrink(pair.image1, factor1))
 
 
 def turn_and_scale(image: GreyImage, angle: float, scale: float) -> tuple[GreyImage, NDArray[np.float64]]:

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from sips_lit.geometry.image_changes import resize_map
 from sips_lit.inliers.point_labels import PointLabels, point_labels
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
-from sips_lit.types import Descriptor, Features, FramePair, InlierCheck, Inliers, Keypoints, Matches, PreparedCheck
+from sips_lit.types import (
+    Descriptor,
+    Features,
+    FramePair,
+    GreyImage,
+    InlierCheck,
+    Inliers,
+    Keypoints,
+    Matches,
+    PreparedCheck,
+)
 
 Map = Callable[..., Iterable[Any]]
 """The built-in `map`, or the one of an executor that runs the calls side by side."""
@@ -26,18 +38,30 @@ def label_pair(
 ) -> tuple[PointLabels, PointLabels, Matches]:
     """Labels of the points of both images, and the matches that are inliers.
 
+    An image may be a smaller copy of its frame (the first or the last): its points are judged where they are in the frame.
     ``parallel`` may run up to ``parts`` calls at once; the labels don't change.
     """
     described0, described1 = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
     features0 = Features(keypoints0, described0, descriptor.norm)
     features1 = Features(keypoints1, described1, descriptor.norm)
     matches = mutual_nearest(distances(features0, features1))
+    keypoints0 = in_frame(keypoints0, pair.image0, pair.frames[0])
+    keypoints1 = in_frame(keypoints1, pair.image1, pair.frames[-1])
     inliers = _in_parts(check.prepare(pair, keypoints0, keypoints1), check.independent, matches, parallel, parts)
     return (
         point_labels(inliers, matches.index0, inliers.known0),
         point_labels(inliers, matches.index1, inliers.known1),
         Matches(matches.index0[inliers.inlier], matches.index1[inliers.inlier]),
     )
+
+
+def in_frame(keypoints: Keypoints, image: GreyImage, frame: GreyImage) -> Keypoints:
+    """Keypoints of an image in the frame of which it is a resized copy; the same where both have one size."""
+    if image.shape == frame.shape:
+        return keypoints
+    H = resize_map(image.shape[::-1], frame.shape[::-1])
+    xy = keypoints.xy @ H[:2, :2].T + H[:2, 2]
+    return replace(keypoints, xy=xy.astype(np.float32), scale=keypoints.scale * np.float32(np.sqrt(H[0, 0] * H[1, 1])))
 
 
 def _in_parts(check: PreparedCheck, independent: bool, matches: Matches, parallel: Map, parts: int) -> Inliers:

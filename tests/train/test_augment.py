@@ -9,7 +9,7 @@ from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.sampler import read_pair
-from sips_lit.train.augment import Augmentation, mirror_pair, shrink_pair
+from sips_lit.train.augment import Augmentation, mirror_pair, shrink_images
 from sips_lit.types import Camera, FramePair, Matches, ViewGeometry
 
 PAIR = read_pair(flight(6), 0, 5)
@@ -185,40 +185,25 @@ def test_how_far_it_turns_and_scales():
         assert abs(drawn.mean()) < 0.1 * most
 
 
-@pytest.mark.parametrize("check", [KltInliers(threshold=1.5), HomographyInliers(threshold=1.5)])
-def test_labels_of_points_of_a_smaller_pair_stay(check):
-    pair = shrink_pair(PAIR, 1.5)
-    assert {image.shape for image in (*pair.frames, pair.image0, pair.image1)} == {(80, 107)}
-    generator = np.random.default_rng(0)
-    start = generator.uniform([30, 30], [130, 90], (80, 2))
-    off = np.where(generator.random(80) < 0.5, 0.3, 4.5)  # clearly near and clearly far
-    goal = apply_homography(PAIR.homography, start) + off[:, None] * [0.6, 0.8]
-    ratio = np.array([107 / 160, 80 / 120])
-    smaller = [keypoints((xy + 0.5) * ratio - 0.5) for xy in (start, goal)]
-    inlier = check(pair, *smaller, Matches(np.arange(80), np.arange(80))).inlier
-    assert (inlier != (off < 1)).sum() <= 4
+def test_smaller_images_of_frames_that_stay():
+    pair = shrink_images(PAIR, 1, 1.5)
+    assert (pair.image0 == PAIR.image0).all()
+    assert pair.image1.shape == (80, 107)
+    np.testing.assert_array_equal(pair.image1, cv2.resize(PAIR.image1, (107, 80), interpolation=cv2.INTER_AREA))
+    assert pair.frames is PAIR.frames
+    assert pair.homography is PAIR.homography
 
 
-def test_a_smaller_pair_keeps_its_geometry():
-    camera = Camera(np.array([[120.0, 0, 70], [0, 90, 50], [0, 0, 1]]), (160, 120))
-    y, x = np.mgrid[:120, :160]
-    depth = 2 + 0.01 * x + 0.02 * y
-    depth[40:80, 40:80] = np.nan
-    pair = shrink_pair(replace(PAIR, geometry=ViewGeometry(np.eye(4), camera, camera, depth, None, PAIR.image0)), 2)
-    g = pair.geometry
-    assert (pair.image0.shape, g.depth0.shape, g.right0.shape, g.camera0.size) == ((60, 80),) * 3 + ((80, 60),)
-    assert g.depth1 is None
-    assert g.right1 is None
-    assert (np.isnan(g.depth0) == (cv2.resize(np.isnan(depth).astype(np.float32), (80, 60)) > 0.5)).all()
-    # the ray of pixel (10, 20), which is where (20.5, 40.5) was
-    assert np.linalg.inv(g.camera0.matrix) @ [10, 20, 1] == pytest.approx([(20.5 - 70) / 120, (40.5 - 50) / 90, 1])
-    assert g.depth0[10, 20] == pytest.approx(2 + 0.01 * 40.5 + 0.02 * 20.5, abs=0.02)
+def test_how_far_images_shrink_together_and_alone():
+    def steps(**most: float) -> np.ndarray:
+        augmentation = Augmentation(flip=0, photometric=0, **most)
+        pairs = [augmentation(PAIR, np.random.default_rng(i)) for i in range(200)]
+        return np.log2([[160 / image.shape[1] for image in (pair.image0, pair.image1)] for pair in pairs])
 
-
-def test_how_far_pairs_shrink_and_that_only_the_size_changes():
-    augmentation = Augmentation(flip=0, photometric=0, log2_shrink=1)
-    sizes = [augmentation(PAIR, np.random.default_rng(i)).image0.shape[1] for i in range(100)]
-    steps = np.log2(160 / np.array(sizes))
-    assert steps.min() >= 0
-    assert 0.95 < steps.max() <= 1
-    assert np.quantile(steps, 0.5) == pytest.approx(0.5, abs=0.15)
+    together, alone = steps(log2_shrink=1), steps(log2_zoom=0.5)
+    for drawn, most in ((together, 1), (alone, 0.5)):
+        assert drawn.min() >= 0
+        assert 0.95 * most < drawn.max() <= most + 0.01
+        assert drawn.mean(0) == pytest.approx([most / 2] * 2, abs=0.1 * most)
+    assert (together[:, 0] == together[:, 1]).all()
+    assert abs(np.corrcoef(alone.T)[0, 1]) < 0.2

@@ -13,7 +13,8 @@ from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.sampler import read_pair
-from sips_lit.train.labelling import label_pair
+from sips_lit.train.augment import shrink_images
+from sips_lit.train.labelling import in_frame, label_pair
 from sips_lit.types import Inliers, Keypoints, Reason
 
 PAIR = read_pair(flight(5), 0, 4)
@@ -132,3 +133,38 @@ def test_images_without_points(empty, parts):
         assert labels.known.all()
         assert not labels.inlier.any()
     assert len(inliers) == 0
+
+
+@pytest.mark.parametrize("check", [KltInliers(), HomographyInliers()])
+def test_points_of_smaller_images_are_judged_where_they_are_in_their_frames(check):
+    """Each image has a size of its own; a point of a place keeps its label, whatever it is called in the smaller image."""
+    generator = np.random.default_rng(0)
+    start = generator.uniform([30, 30], [130, 90], (30, 2))
+    goal = apply_homography(PAIR.homography, start) + np.where(np.arange(30) % 2, 6.0, 0.5)[:, None] * [0.6, 0.8]
+
+    class Paired:
+        """Describes point i by i: point i matches point i."""
+
+        name, norm = "paired", "l2"
+
+        def describe(self, image, points):
+            return np.eye(30, dtype=np.float32)[:, : max(1, len(points))]
+
+    smaller = shrink_images(PAIR, 2, 1.25)  # 80 x 60 and 128 x 96
+    points = keypoints((start + 0.5) / 2 - 0.5), keypoints((goal + 0.5) / 1.25 - 0.5)
+    labels0, labels1, inliers = label_pair(smaller, *points, Paired(), check)
+    even = np.arange(30) % 2 == 0
+    assert (labels0.inlier == even).sum() >= 28
+    assert (labels1.inlier == labels0.inlier).all()
+    assert (inliers.index0 == np.flatnonzero(labels0.inlier)).all()
+
+
+def test_keypoints_in_the_frame_of_a_smaller_image():
+    points = Keypoints(
+        np.array([[0, 0], [79, 29]], np.float32), np.array([1, 1], np.float32), np.array([1, 2], np.float32)
+    )
+    image, frame = np.zeros((30, 80), np.uint8), np.zeros((60, 160), np.uint8)
+    there = in_frame(points, image, frame)
+    assert there.xy.tolist() == [[0.5, 0.5], [158.5, 58.5]]  # the outer edges of both images are one
+    assert there.scale.tolist() == [2, 4]
+    assert in_frame(points, frame, frame) is points
