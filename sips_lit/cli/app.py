@@ -233,13 +233,15 @@ def register_resolvers() -> None:
 
 
 def fast_precision() -> str:
-    """``bf16-mixed`` where the hardware multiplies bfloat16 faster than float32, else ``32-true``."""
+    """``bf16-mixed`` where the hardware multiplies bfloat16 faster than float32, else ``32-true``.
+
+    Of CPUs only those with AMX do for convolutions: with AVX512_BF16 alone a step took 1.1 to 1.5 times as long.
+    """
     import torch
 
     if torch.cuda.is_available():
         return "bf16-mixed" if torch.cuda.is_bf16_supported() else "32-true"
-    capable = torch.backends.cpu.get_cpu_capability() == "AVX512" and "avx512_bf16" in cpu_flags()
-    return "bf16-mixed" if capable else "32-true"
+    return "bf16-mixed" if "amx_bf16" in cpu_flags() else "32-true"
 
 
 def cpu_flags() -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
+import torch
 from omegaconf import OmegaConf
 from omegaconf.errors import MissingMandatoryValue
 
@@ -17,6 +18,7 @@ from sips_lit.cli.app import (
     CONF_DIR,
     errors_explained,
     explain,
+    fast_precision,
     run,
     typed,
 )
@@ -238,3 +240,13 @@ def test_a_reader_that_has_seen_enough_is_no_error(given):
     child.stdout.close()
     assert child.stderr.read() == b""
     assert child.wait() == 128 + signal.SIGPIPE
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="a GPU decides, not the processor")
+@pytest.mark.parametrize(
+    ("flags", "precision"),
+    [("flags : avx512f amx_bf16 amx_tile", "bf16-mixed"), ("flags : avx512f avx512_bf16", "32-true"), ("", "32-true")],
+)
+def test_half_precision_only_on_processors_that_are_faster_with_it(flags, precision, monkeypatch):
+    monkeypatch.setattr("sips_lit.cli.app.cpu_flags", lambda: flags)
+    assert fast_precision() == precision
