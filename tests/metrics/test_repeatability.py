@@ -228,9 +228,9 @@ def test_by_depth_each_image_has_its_own_size_and_both_focal_lengths():
     pair = FramePair("p", 0, 1, (IMAGE, image1), IMAGE, image1, None, ViewGeometry(T, camera0, camera1, *depths))
     xy0, xy1 = points((110, 40), (110, 53), (110, 56), (130, 40)), points((110, 45), (110, 3))
     moved0, moved1 = move_points(pair, keypoints(xy0), keypoints(xy1), StereoMatcher())
-    np.testing.assert_allclose(moved0.xy, xy0 + [0, 5])
+    np.testing.assert_allclose(moved0.xy, np.add(xy0, [0, 5]))
     assert moved0.visible.tolist() == [True, True, False, False]
-    np.testing.assert_allclose(moved1.xy, xy1 - [0, 5])
+    np.testing.assert_allclose(moved1.xy, np.subtract(xy1, [0, 5]))
     assert moved1.visible.tolist() == [True, False]
 
 
