@@ -21,10 +21,11 @@ class Augmentation:
     """Random mirrors and sizes of the whole pair, turns and scales of each planar image, photometric changes of each image.
 
     Trackers keep the clean frames, so a label says that the place is the same though it looks different. ``flip``:
-    probability of each mirror; ``log2_shrink``: powers of two by which the pair shrinks at most; ``photometric``: probability that an image is changed; the rest are the largest changes:
-    ``contrast`` and ``gamma`` as factors, ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as
-    standard deviation in pixels, ``shade`` as relative change of the light across the image, ``rotation`` in radians and
-    ``log2_scale`` as power of two (paper, HPatches training: 1 and 0.5).
+    probability of each mirror; ``log2_shrink``: powers of two by which the pair shrinks at most; ``photometric``:
+    probability that an image is changed; the rest are the largest changes: ``contrast`` and ``gamma`` as factors,
+    ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as standard deviation in pixels, ``shade`` as
+    relative change of the light across the image, ``rotation`` in radians and ``log2_scale`` as power of two. All ranges
+    are our choice.
     """
 
     flip: float = 0.5

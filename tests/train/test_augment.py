@@ -9,7 +9,7 @@ from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.sampler import read_pair
-from sips_lit.train.augment import Augmentation, mirror_pair
+from sips_lit.train.augment import Augmentation, mirror_pair, shrink_pair
 from sips_lit.types import Camera, FramePair, Matches, ViewGeometry
 
 PAIR = read_pair(flight(6), 0, 5)
@@ -183,3 +183,98 @@ def test_how_far_it_turns_and_scales():
         assert 0.85 * most < np.abs(drawn).max() <= most
         assert drawn.std() == pytest.approx(most / np.sqrt(6), rel=0.12)
         assert abs(drawn.mean()) < 0.1 * most
+
+
+def whole_pair() -> FramePair:
+    """Two images of other sizes and cameras, a frame between, a homography, a pose, depth maps and partners: all differ."""
+    image0, between, image1 = texture(60, 80, 1), texture(60, 80, 2), texture(48, 64, 3)
+    camera0 = Camera(np.array([[100.0, 0, 30], [0, 90, 20], [0, 0, 1]]), (80, 60))
+    camera1 = Camera(np.array([[70.0, 0, 25], [0, 60, 30], [0, 0, 1]]), (64, 48))
+    generator = np.random.default_rng(0)
+    depth0, depth1 = (generator.uniform(2, 9, image.shape).astype(np.float32) for image in (image0, image1))
+    T = np.eye(4)
+    T[:3, 3] = 0.1, 0.2, 0.3
+    T[:3, :3] = cv2.Rodrigues(np.array([0.1, -0.2, 0.3]))[0]
+    geometry = ViewGeometry(T, camera0, camera1, depth0, depth1, texture(60, 80, 4), texture(48, 64, 5), 0.4)
+    H = np.array([[0.8, 0.05, 3], [-0.04, 0.7, 2], [1e-4, 0, 1]])
+    return FramePair("a:0-2", 0, 2, (image0, between, image1), image0, image1, H, geometry)
+
+
+def seen(pair: FramePair, image: int, xy: tuple[int, int]) -> np.ndarray:
+    """The place in space, in the frame of image 0 or 1, of a pixel with the depth that the map has there."""
+    g = pair.geometry
+    camera, depth = ((g.camera0, g.depth0), (g.camera1, g.depth1))[image]
+    return np.linalg.inv(camera.matrix) @ [*xy, 1] * depth[xy[1], xy[0]]
+
+
+@pytest.mark.parametrize(("horizontal", "vertical"), FLIPS)
+def test_a_mirror_turns_the_world_of_both_images(horizontal, vertical):
+    """A point seen in either image is seen in the mirrored one, and its place in space is the mirrored one."""
+    pair = whole_pair()
+    mirrored, g = mirror_pair(pair, horizontal, vertical), mirror_pair(pair, horizontal, vertical).geometry
+    sides = np.array([-1 if horizontal else 1, -1 if vertical else 1, 1])
+    for image, (width, height) in enumerate(((80, 60), (64, 48))):
+        for x, y in ((5, 7), (50, 40)):
+            there = (width - 1 - x if horizontal else x, height - 1 - y if vertical else y)
+            np.testing.assert_allclose(seen(mirrored, image, there), sides * seen(pair, image, (x, y)))
+    point = np.array([0.5, -0.4, 3])
+    moved = pair.geometry.T_1_0 @ [*point, 1]
+    np.testing.assert_allclose(g.T_1_0 @ [*(sides * point), 1], [*(sides * moved[:3]), 1])
+    rows, columns = slice(None, None, -1 if vertical else 1), slice(None, None, -1 if horizontal else 1)
+    for name in ("right0", "right1"):
+        np.testing.assert_array_equal(getattr(g, name), getattr(pair.geometry, name)[rows, columns])
+    assert g.baseline == (-0.4 if horizontal else 0.4)
+    assert (g.camera0.size, g.camera1.size) == ((80, 60), (64, 48))
+
+
+def test_a_pair_half_as_large():
+    """Pixel (x, y) of a half-size image covers the four pixels from (2 x, 2 y) on: its centre is at 2 x + 0.5."""
+    pair = whole_pair()
+    half = shrink_pair(pair, 2)
+    g, before = half.geometry, pair.geometry
+
+    def means(image: np.ndarray) -> np.ndarray:
+        return image.reshape(image.shape[0] // 2, 2, image.shape[1] // 2, 2).mean((1, 3))
+
+    originals = [*pair.frames, pair.image0, pair.image1, before.right0, before.right1]
+    for image, original in zip([*half.frames, half.image0, half.image1, g.right0, g.right1], originals, strict=True):
+        np.testing.assert_allclose(image, means(original.astype(float)), atol=0.51)
+    for camera, original in ((g.camera0, before.camera0), (g.camera1, before.camera1)):
+        assert camera.size == (original.size[0] // 2, original.size[1] // 2)
+        for point in ([0.3, 0.2, 2], [-0.1, 0.4, 3]):
+            u, v = (camera.matrix @ point)[:2] / point[2]
+            x, y = (original.matrix @ point)[:2] / point[2]
+            np.testing.assert_allclose([2 * u + 0.5, 2 * v + 0.5], [x, y])
+    for depth, original in ((g.depth0, before.depth0), (g.depth1, before.depth1)):
+        blocks = original.reshape(depth.shape[0], 2, depth.shape[1], 2)
+        assert (depth[:, None, :, None] == blocks).any((1, 3)).all()  # one of the four, no mean
+    place = half.homography @ [10, 8, 1]
+    expected = pair.homography @ [20.5, 16.5, 1]
+    np.testing.assert_allclose(2 * place[:2] / place[2] + 0.5, expected[:2] / expected[2])
+    np.testing.assert_array_equal(g.T_1_0, before.T_1_0)
+    assert g.baseline == 0.4
+
+
+def test_depth_of_a_third_of_the_size_is_that_of_the_middle_pixel():
+    pair = whole_pair()
+    depth = np.arange(48 * 64, dtype=np.float32).reshape(48, 64) + 1
+    third = shrink_pair(replace(pair, geometry=replace(pair.geometry, depth1=np.tile(depth, 1)[:48, :63])), 3)
+    np.testing.assert_array_equal(third.geometry.depth1, depth[1::3, 1:63:3])
+
+
+def test_how_far_pairs_shrink():
+    augmentation = Augmentation(flip=0, photometric=0, log2_shrink=1.0)
+    widths = np.array([augmentation(PAIR, np.random.default_rng(i)).image0.shape[1] for i in range(120)])
+    assert widths.min() >= 80
+    assert widths.max() <= 160
+    shrunk = np.log2(160 / widths)
+    assert shrunk.mean() == pytest.approx(0.5, abs=0.1)
+    assert shrunk.std() == pytest.approx(1 / np.sqrt(12), rel=0.2)
+
+
+def test_each_image_changes_in_its_own_way():
+    alike = replace(PAIR, image1=PAIR.image0)
+    pair = Augmentation(flip=0, photometric=1)(alike, np.random.default_rng(0))
+    assert (pair.image0 != pair.image1).mean() > 0.5
+    other = replace(PAIR, image1=np.full((50, 70), 9, np.uint8))
+    assert Augmentation(flip=0, photometric=1)(other, np.random.default_rng(0)).image1.shape == (50, 70)
