@@ -58,5 +58,5 @@ def test_as_one_pair_after_the_other():
     assert spread.pairs == len(overlap) == index.reach(0.3).sum() > 10
     assert spread.classes[3] == sum(o >= 0.8 for o in overlap)
     assert spread.neighbours == gaps.count(1) / len(gaps)
-    assert spread.motion[0, 50] == pytest.approx(np.median([m[0] for m in moved]))
+    assert spread.motion[0, 50] == pytest.approx(np.median([float(m[0]) for m in moved]))
     assert spread.motion[2, 100] == pytest.approx(2 ** max(abs(float(m[2])) for m in moved))
