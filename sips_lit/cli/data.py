@@ -15,6 +15,7 @@ from tabulate import tabulate
 from sips_lit.cli.app import errors_explained
 from sips_lit.cli.arguments import path_argument
 from sips_lit.dataset_tools.check import DataSetReport, SequenceReport, check, remarks
+from sips_lit.dataset_tools.difficulty import CLASSES, TRAINING
 from sips_lit.dataset_tools.download import Offer, fetch, read_catalogue, remote_size
 from sips_lit.dataset_tools.recognise import DataSet, recognise
 from sips_lit.dataset_tools.stats import GAPS, SequenceStats, draw_stats, sequence_stats
@@ -105,8 +106,17 @@ def stats_command(args: argparse.Namespace) -> None:
     print(
         f"{table([stats_row(s) for s in stats])}\n\n"
         "+n: median overlap with the frame n later; reach: median number of later frames with at least that overlap;\n"
-        "pixels, metres, degrees: median motion to the next frame"
+        "pixels, metres, degrees: median motion to the next frame\n\n"
+        f"{table([spread_row(s) for s in stats])}\n\n"
+        f"pairs: of overlap >= {TRAINING:g}, as in training; then their shares by overlap, and of neighbouring frames;\n"
+        "pixels, degrees, zoom: median / 90th percentile of the motion from one image of a pair to the other"
     )
+    only = [s.name for s in stats if s.spread.only_neighbours]
+    if only:
+        print(
+            f"\nalmost all pairs of {', '.join(only[:3])}{f' and {len(only) - 3} more' if len(only) > 3 else ''} are of "
+            "neighbouring frames: nothing is seen from further away, so give frames at a higher rate, or of a slower camera"
+        )
     args.output.parent.mkdir(parents=True, exist_ok=True)
     draw_stats(stats).savefig(args.output)
     print(f"\nwrote {args.output}")
@@ -125,6 +135,22 @@ def stats_row(stats: SequenceStats) -> dict[str, str]:
         "reach 0.3": f"{np.median(stats.reach_training):.0f}",
         "reach 0.5": f"{np.median(stats.reach_testing):.0f}",
         **{name: f"{np.median(values):.3g}" if len(values) else "" for name, values in motion.items()},
+    }
+
+
+def spread_row(stats: SequenceStats) -> dict[str, str]:
+    """How the pairs of a sequence spread over overlap and motion."""
+    spread = stats.spread
+    known = spread.pairs > 0
+    begins = [f"{begin:g}" for begin in (*CLASSES, 1)]
+    shares = spread.classes / max(1, spread.pairs)
+    motion = zip(("pixels", "degrees", "zoom"), spread.motion[:, [50, 90]], strict=True)
+    return {
+        "sequence": stats.name,
+        "pairs": str(spread.pairs),
+        **{f"{a} to {b}": f"{s:.0%}" if known else "" for a, b, s in zip(begins[:-1], begins[1:], shares, strict=True)},
+        "neighbours": "" if np.isnan(spread.neighbours) else f"{spread.neighbours:.0%}",
+        **{name: f"{middle:.3g} / {high:.3g}" if known else "" for name, (middle, high) in motion},
     }
 
 

@@ -1,4 +1,4 @@
-"""What the motion of a sequence is like: overlap against the distance of frames, and how far pixels and camera move."""
+"""What the motion of a sequence is like: overlap against the gap of frames, how far pixels and camera move, its pairs."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from sips_lit.dataset_tools.difficulty import TRAINING, PairSpread, pair_spread
 from sips_lit.pairs.overlap import OverlapIndex
 from sips_lit.render.figure import LINE_COLOURS, clean, new_figure
 from sips_lit.tracking.klt import KltTracker
@@ -28,7 +29,7 @@ class SequenceStats:
     ``overlap`` (G, 3): quartiles of the overlap of frames that are ``GAPS`` apart, NaN where no frames are;
     ``reach_training`` and ``reach_testing`` (N,): later frames with overlap >= 0.3 and >= 0.5 of each frame; ``pixels``
     (S,): median motion of points between neighbours, sampled; ``metres`` and ``degrees`` (N - 1,): motion between
-    neighbours by the poses.
+    neighbours by the poses; ``spread``: that of its pairs.
     """
 
     name: str
@@ -39,6 +40,7 @@ class SequenceStats:
     pixels: NDArray[np.float64]
     metres: NDArray[np.float64]
     degrees: NDArray[np.float64]
+    spread: PairSpread
 
 
 def sequence_stats(sequence: ImageSequence, index: OverlapIndex, tracker: KltTracker | None = None) -> SequenceStats:
@@ -53,6 +55,7 @@ def sequence_stats(sequence: ImageSequence, index: OverlapIndex, tracker: KltTra
         pixel_steps(sequence, tracker or KltTracker(), index.unreadable),
         metres,
         degrees,
+        pair_spread(index, sequence.temporal),
     )
 
 
@@ -101,9 +104,9 @@ def pose_steps(sequence: ImageSequence) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def draw_stats(stats: Sequence[SequenceStats]) -> Figure:
-    """Overlap against the gap, how far partners reach, and motion between neighbours, of the first sequences."""
-    figure = new_figure(11, 3.4)
-    overlaps, reaches, motions = figure.subplots(1, 3)
+    """Overlap against the gap, how far partners reach, and motion of neighbours and pairs, of the first sequences."""
+    figure = new_figure(14, 3.4)
+    overlaps, reaches, motions, pairs = figure.subplots(1, 4)
     shown = stats[:SHOWN]
     for i, s in enumerate(shown):
         colour, style = LINE_COLOURS[i % len(LINE_COLOURS)], "-" if i < len(LINE_COLOURS) else "--"
@@ -112,6 +115,8 @@ def draw_stats(stats: Sequence[SequenceStats]) -> Figure:
         reaches.plot(np.sort(s.reach_training)[::-1], np.linspace(0, 1, s.frames), style, color=colour)
         if len(s.pixels):
             motions.plot(np.sort(s.pixels)[::-1], np.linspace(0, 1, len(s.pixels)), style, color=colour)
+        if s.spread.pairs:
+            pairs.plot(s.spread.motion[0][::-1], np.linspace(0, 1, 101), style, color=colour)
     overlaps.set(xscale="log", ylim=(0, 1.02), xlabel="frames apart", ylabel="overlap (median, quartiles)")
     overlaps.set_xticks(GAPS, [str(gap) for gap in GAPS])
     overlaps.minorticks_off()
@@ -119,7 +124,9 @@ def draw_stats(stats: Sequence[SequenceStats]) -> Figure:
         overlaps.axhline(level, color="0.6", linewidth=0.7, linestyle=":")
     reaches.set(ylim=(0, 1.02), xlabel="later frames of overlap >= 0.3", ylabel="fraction of frames with more")
     motions.set(ylim=(0, 1.02), xlabel="motion to the next frame (pixels)", ylabel="fraction of frames with more")
-    for axes in (overlaps, reaches, motions):
+    label = f"motion in pairs of overlap >= {TRAINING:g} (pixels)"
+    pairs.set(ylim=(0, 1.02), xlabel=label, ylabel="fraction of pairs with more")
+    for axes in (overlaps, reaches, motions, pairs):
         clean(axes)
     title = "" if len(shown) == len(stats) else f"the first {SHOWN} of {len(stats)} sequences"
     figure.legend(loc="outside lower center", ncols=3, fontsize=7, title=title or None, title_fontsize=7)

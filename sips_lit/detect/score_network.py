@@ -21,7 +21,7 @@ class ScoreNetwork(nn.Module):
     """Fully convolutional 3x3 network whose sigmoid is the probability that a point is an inlier.
 
     ``depth`` layers, the last with one channel; the others have ``width / 2`` channels in the first half of the network
-    and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias``. With
+    and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias`` (our choice). With
     ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`).
 
     The input is padded once by ``radius`` replicated pixels, then every convolution is a valid one: the logit of a pixel

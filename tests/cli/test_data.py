@@ -186,3 +186,21 @@ def test_what_check_prints_can_be_pasted(tmp_path, monkeypatch, capsys, name):
     (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("use: "))
     *_, argument = as_typed(shlex.split(line.removeprefix("use: sips-train ")))
     assert OverridesParser.create().parse_override(argument).value() == name
+
+
+def test_stats_shows_how_pairs_spread_and_warns_of_nothing_but_neighbours(images, tmp_path, capsys):
+    arguments = ("--output", tmp_path / "stats.png", "--cache", tmp_path / "cache")
+    _, out, _ = run(capsys, "stats", images, *arguments)
+    assert "| pairs " in out
+    assert "0.4 to 0.6" in out
+    assert "neighbours" in out
+    assert "almost all pairs" not in out
+    for fast, frame in enumerate(flight(4, step=(90, 0)).frames):
+        cv2.imwrite(str(images / f"{fast}.png"), frame)
+    (images / "4.png").unlink()
+    two = tmp_path / "two"
+    two.mkdir()
+    for i, frame in enumerate(flight(2).frames):
+        cv2.imwrite(str(two / f"{i}.png"), frame)
+    _, out, _ = run(capsys, "stats", two, *arguments)
+    assert "almost all pairs of" in out

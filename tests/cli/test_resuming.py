@@ -177,7 +177,7 @@ class Rates(L.Callback):
         Rates.seen[trainer.global_step] = optimizer.param_groups[0]["lr"]
 
 
-def cosine(step: int, steps: int, high: float = 0.05, low: float = 1e-5) -> float:
+def cosine(step: int, steps: int, high: float = 0.1, low: float = 1e-5) -> float:
     """The schedule by its formula."""
     return low + (high - low) * (1 + np.cos(np.pi * step / steps)) / 2
 

@@ -74,3 +74,11 @@ def test_the_picture_shows_every_sequence():
     figure = draw_stats([stats] * 3)
     assert len(figure.axes[1].lines) == 3
     assert stats.overlap[0, 1] > stats.overlap[1, 1] > 0
+
+
+def test_the_spread_of_the_pairs_is_that_of_the_index():
+    sequence = panning()
+    stats = sequence_stats(sequence, measure_overlap(sequence, OverlapParameters()))
+    assert stats.spread.pairs == stats.reach_training.sum()
+    assert stats.spread.motion[0, 0] == pytest.approx(6, abs=0.1)
+    assert len(draw_stats([stats]).axes[3].lines) == 1

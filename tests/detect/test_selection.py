@@ -281,3 +281,19 @@ def test_suppression_as_the_slow_twin(data, count, radius, n):
 def test_the_distance_of_suppression():
     xy, level = np.array([[0, 0], [5, 3], [6, 0], [0, 5]], np.float32), np.array([0, 1, 1, 0])
     assert suppress_across_levels(xy, level, 5, 9).tolist() == [0, 2, 3]
+
+
+@pytest.mark.parametrize("height", [-2.0, 3.0])
+def test_of_coarser_levels_too_the_fit_is_on_logits(height):
+    y, x = np.mgrid[:20, :20]
+    coarse = torch.from_numpy(height - 1.5 * (x - 9.3) ** 2 - 0.7 * (y - 7.8) ** 2).float()
+    points = PointSelector().select(GivenMaps(torch.full((40, 40), -99.0), coarse), torch.zeros(1, 1, 40, 40), 1)
+    np.testing.assert_allclose(points.keypoints.xy, [[9.8 * 2 - 0.5, 8.3 * 2 - 0.5]], atol=1e-3)
+    assert points.level.tolist() == [1]
+
+
+def test_of_two_points_whose_probabilities_round_to_one_the_better_stays():
+    logits = np.full((20, 30), -5.0)
+    logits[10, 10], logits[10, 12] = 29, 30
+    points = PointSelector(subpixel=False).select(Fixed(logits), torch.zeros(1, 1, 20, 30), 1)
+    assert points.keypoints.xy.tolist() == [[12, 10]]

@@ -223,3 +223,12 @@ def test_other_threads_run_meanwhile():
     # a call that holds the lock lets nobody in between its first and its last instant
     middle = [turn for turn in turns if 0.25 < (turn - start) / (end - start) < 0.75]
     assert len(middle) > 100
+
+
+def test_the_search_measures_with_the_mean_of_both_focal_lengths(monkeypatch):
+    told = []
+    search = poselib.estimate_absolute_pose
+    monkeypatch.setattr(poselib, "estimate_absolute_pose", lambda *args: told.append(args[3]) or search(*args))
+    points, pixels, _, _ = correspondences(20, 0, camera=SKEWED)
+    p3p_ransac(points, pixels, SKEWED, np.random.default_rng(0), threshold=3.0)
+    assert told[0]["max_reproj_error"] == pytest.approx(3 / ((400 + 550) / 2))

@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from stereo_scenes import CAMERA, StereoScene
-from textured_scenes import ArraySequence, texture
+from textured_scenes import ArraySequence, keypoints, texture
 
 from sips_lit.geometry.image_changes import flip_camera
 from sips_lit.geometry.projection import (
     View,
     apply_homography,
+    frame_view,
     inside,
     posed_views,
     project,
@@ -152,11 +153,14 @@ def test_a_mirrored_pair_keeps_its_depths():
     assert same.mean() > 0.98
 
 
-def test_augmented_images_are_not_what_depth_is_measured_in():
+@pytest.mark.parametrize("at", [0, 1])
+def test_augmented_images_are_not_what_depth_is_measured_in(at):
     pair = read_pair(SCENE, 0, 1)
-    dark = type(pair)(**{**{f: getattr(pair, f) for f in pair.__slots__}, "image0": pair.image0 // 50})
-    xy = corners(SCENE.frames[0])
-    np.testing.assert_array_equal(views(dark)[0].depth_at(xy, STEREO), views(pair)[0].depth_at(xy, STEREO))
+    dark = replace(pair, image0=pair.image0 // 50, image1=pair.image1 // 50)
+    xy = corners(SCENE.frames[at])
+    found = views(dark)[at].depth_at(xy, STEREO)
+    assert np.isfinite(found).mean() > 0.6
+    np.testing.assert_array_equal(found, views(pair)[at].depth_at(xy, STEREO))
 
 
 def test_the_horizontal_focal_length_counts():
@@ -249,3 +253,70 @@ def test_a_view_sees_what_is_inside_and_not_hidden():
 def test_pixels_are_inside_up_to_their_outer_edges():
     xy = [[-0.5, -0.5], [3.5, 2.5], [1, 1], [-0.6, 1], [3.6, 1], [1, -0.6], [1, 2.6], [np.nan, 1]]
     assert inside(np.array(xy), (4, 3)).tolist() == [True] * 3 + [False] * 5
+
+
+@pytest.mark.parametrize(("size", "seen"), [((40, 12), [True, True, False]), ((12, 40), [False, False, True])])
+def test_the_border_is_that_of_the_other_view(size, seen):
+    """Both cameras have one focal length and centre; the places are (30, 5), (11.6, 5) and (5, 30) in both."""
+    matrix, xy = np.array([[10.0, 0, 0], [0, 10, 0], [0, 0, 1]]), np.array([[30, 5], [11.6, 5], [5, 30]])
+    here, there = (View(np.zeros(s[::-1], np.uint8), Camera(matrix, s), None, None, None) for s in ((50, 50), size))
+    moved, visible = transfer_to_view(xy, np.full(3, 2.0), here, there, np.eye(4), 0.05)
+    np.testing.assert_allclose(moved, xy)
+    assert visible.tolist() == seen
+    back = transfer_to_view(xy, np.full(3, 2.0), there, here, np.eye(4), 0.05)[1]
+    assert back.tolist() == [True] * 3
+
+
+@pytest.mark.parametrize(("surface", "visible"), [(1.0, True), (0.96, True), (0.9, False), (2.0, True)])
+def test_what_hides_a_point_is_nearer_to_the_other_camera(surface, visible):
+    """A point 2 m ahead of a camera is 1 m ahead of one that went 1 m forward."""
+    camera, T = Camera(np.array([[10.0, 0, 4], [0, 10, 4], [0, 0, 1]]), (9, 9)), np.eye(4)
+    T[2, 3] = -1
+    here = View(np.zeros((9, 9), np.uint8), camera, None, None, None)
+    there = replace(here, depth=np.full((9, 9), surface, np.float32))
+    assert transfer_to_view(np.array([[5.0, 4]]), np.array([2.0]), here, there, T, 0.05)[1].tolist() == [visible]
+
+
+def test_keypoints_may_bring_their_depth():
+    view = View(SCENE.frames[0], CAMERA, np.full(SCENE.frames[0].shape, 7, np.float32), None, None)
+    points = keypoints([[50, 60], [70, 80]])
+    assert view.depth_of(points, STEREO).tolist() == [7, 7]
+    assert view.depth_of(replace(points, depth=np.array([2.0, np.nan])), STEREO)[0] == 2
+
+
+def test_a_view_tells_depth_where_any_point_may_have_one():
+    empty = np.full((240, 320), np.nan, np.float32)
+    view = View(SCENE.frames[0], CAMERA, empty, None, None)
+    assert view.has_depth
+    assert not view.tells_depth
+    assert not replace(view, depth=np.zeros_like(empty)).tells_depth
+    empty[3, 4] = 2
+    assert view.tells_depth
+    assert replace(view, depth=None, right=SCENE.rights[0], baseline=0.4).tells_depth
+    assert not replace(view, depth=None).tells_depth
+
+
+class Zooming(StereoScene):
+    """Each frame has its own camera."""
+
+    def camera(self, index):
+        return Camera(CAMERA.matrix + index * np.diag([1.0, 2, 0]), CAMERA.size)
+
+
+@pytest.mark.parametrize("tells", ["stereo", "depth", "nothing"])
+def test_the_view_of_a_frame(tells):
+    scene = Zooming(3, tells)
+    for index in range(3):
+        view = frame_view(scene, index)
+        assert view.image is scene.frames[index]
+        assert view.camera.matrix[1, 1] == CAMERA.matrix[1, 1] + 2 * index
+        assert view.depth is (scene.depths[index] if tells == "depth" else None)
+        assert view.right is (scene.rights[index] if tells == "stereo" else None)
+        assert view.baseline == (0.4 if tells == "stereo" else None)
+    assert frame_view(ArraySequence(scene.frames), 0) is None
+
+
+@pytest.mark.parametrize("lacking", ["depth0", "depth1"])
+def test_posed_views_with_depth_of_one_image(lacking):
+    pair = read_pair(StereoScene(2, "depth"), 0, 1)
+    assert posed_views(replace(pair, geometry=replace(pair.geometry, **{lacking: None}))) is not None

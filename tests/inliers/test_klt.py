@@ -5,6 +5,7 @@ from textured_scenes import flight, keypoints, texture
 from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.sampler import read_pair
+from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import FramePair, Matches, Reason
 
 
@@ -128,5 +129,6 @@ def test_protocol_tells_the_thresholds():
     assert check.protocol["inliers"] == "klt"
     assert check.protocol["threshold"] == 2.0
     assert check.protocol["max_roundtrip"] == 1.0
+    assert KltInliers(KltTracker(max_roundtrip=0.5)).protocol["max_roundtrip"] == 0.5
     assert check.independent
     assert check.uses_frames

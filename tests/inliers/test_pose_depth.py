@@ -1,3 +1,6 @@
+from dataclasses import replace
+from types import MappingProxyType
+
 import numpy as np
 import pytest
 from textured_scenes import keypoints
@@ -207,3 +210,37 @@ def test_protocol():
     assert (other["threshold"], other["occlusion"]) == (2.0, 0.1)
     assert PoseDepthInliers.independent
     assert not PoseDepthInliers.uses_frames
+
+
+@pytest.mark.parametrize(("y1", "expected"), [(35, INLIER), (30, MISSED), (40, MISSED)])
+def test_the_vertical_focal_length(y1, expected):
+    """fx = 100, fy = 50: a camera that goes 0.2 m up sees what is 2 m away 5 px lower, wherever in the image it is."""
+    camera, T = Camera(np.array([[100.0, 0, 49.5], [0, 50, 29.5], [0, 0, 1]]), (WIDTH, HEIGHT)), np.eye(4)
+    T[1, 3] = 0.2
+    wall = np.full((HEIGHT, WIDTH), NEAR, np.float32)
+    pair = replace(BOTH, geometry=ViewGeometry(T, camera, camera, wall, wall))
+    for rest in (0, 20):
+        assert reasons(pair, keypoints([[80, 30 + rest]]), keypoints([[80, y1 + rest]])) == [expected]
+
+
+class Constant:
+    """A stereo matcher that sees everything at one disparity."""
+
+    parameters = MappingProxyType({"of": "a test"})
+
+    def __init__(self, disparity: float) -> None:
+        self.value = disparity
+
+    def disparity(self, image, partner, xy, to_the_right=True):
+        return np.full(len(xy), self.value)
+
+
+@pytest.mark.parametrize("partner", ["right0", "right1"])
+@pytest.mark.parametrize(("disparity", "expected"), [(10, INLIER), (5, MISSED)])
+def test_the_matcher_that_is_given_tells_the_depth(partner, disparity, expected):
+    """With a baseline of 0.2 m, as the motion has, points move by their disparity."""
+    pair = pair_with(None, None)
+    pair = replace(pair, geometry=replace(pair.geometry, baseline=0.2, **{partner: pair.image0}))
+    check = PoseDepthInliers(stereo=Constant(disparity))
+    assert reasons(pair, keypoints([[30, 20]]), keypoints([[20, 20]]), check) == [expected]
+    assert check.protocol["stereo"] == {"of": "a test"}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from stereo_scenes import StereoScene
+from stereo_scenes import StereoScene, squeezed, squeezed_points
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
@@ -98,3 +98,14 @@ def test_labels_in_parts_prepare_once():
     for a, b in zip(labels[:2], whole[:2], strict=True):
         np.testing.assert_array_equal(a.reason, b.reason)
     assert whole[0].inlier.sum() > 20
+
+
+def test_focal_lengths_that_differ_change_no_label():
+    """The same pair in images three quarters as high; where its points are is known."""
+    matches = nearest_matches()
+    points = [keypoints(squeezed_points(xy)) for xy in POINTS]
+    low = PoseDepthInliers()(squeezed(read_pair(SCENES["stereo"], 0, 2)), *points, matches)
+    truth = verify("depth", matches)
+    known = low.reason != Reason.UNKNOWN
+    assert known.mean() > 0.7
+    assert (low.inlier == truth.inlier)[known].mean() > 0.95

@@ -1,11 +1,12 @@
 from dataclasses import replace
 from importlib.metadata import version
+from types import MappingProxyType
 
 import cv2
 import numpy as np
 import poselib
 import pytest
-from stereo_scenes import CAMERA, StereoScene
+from stereo_scenes import CAMERA, StereoScene, squeezed, squeezed_points
 from textured_scenes import keypoints
 
 from sips_lit.errors import BadInputError
@@ -283,3 +284,58 @@ def test_protocol():
     assert CHECK.uses_depth
     assert not CHECK.uses_frames
     assert isinstance(read_pair(SCENES["stereo"], 0, 1), FramePair)
+
+
+@pytest.mark.parametrize("tells", ["stereo", "depth"])
+def test_the_pose_is_in_metres_where_focal_lengths_differ(tells):
+    pair = read_pair(SCENES[tells], 0, 2)
+    points0, points1, matches, right = true_points()
+    low = [keypoints(squeezed_points(points.xy)) for points in (points0, points1)]
+    found = CHECK.prepare(squeezed(pair), *low).estimate(matches)
+    assert translation_error(found.T_1_0, pair.geometry.T_1_0) < 0.05
+    assert rotation_error(found.T_1_0, pair.geometry.T_1_0) < 0.3
+    assert found.inlier[~right].mean() < 0.05
+
+
+def test_the_depth_of_image_1_is_seen_by_its_own_camera():
+    """Image 1 is twice as large, and only it has depth."""
+    pair = read_pair(SCENES["depth"], 0, 2)
+    points0, points1, matches, right = true_points()
+    camera = Camera(np.array([[500.0, 0, 320.5], [0, 500, 240.5], [0, 0, 1]]), (640, 480))
+    depth = np.repeat(np.repeat(pair.geometry.depth1, 2, 0), 2, 1)
+    larger = replace(pair, geometry=replace(pair.geometry, camera1=camera, depth0=None, depth1=depth))
+    found = CHECK.prepare(larger, points0, keypoints(points1.xy * 2 + 0.5)).estimate(matches)
+    assert translation_error(found.T_1_0, pair.geometry.T_1_0) < 0.05
+    assert found.inlier[right].mean() > 0.9
+
+
+@pytest.mark.parametrize(("lacking", "usable"), [(None, 2), ("depth0", 1), ("depth1", 2)])
+def test_usable_are_matches_whose_point_has_a_depth_where_the_pose_is_sought(lacking, usable):
+    """Four matches: the last two points of image 0 and the last three of image 1 have no depth."""
+    pair = read_pair(SCENES["depth"], 0, 2)
+    holes = [np.full(depth.shape, 3, np.float32) for depth in (pair.geometry.depth0, pair.geometry.depth1)]
+    holes[0][:, 25:], holes[1][:, 15:] = np.nan, np.nan
+    geometry = replace(pair.geometry, depth0=holes[0], depth1=holes[1])
+    if lacking:
+        geometry = replace(geometry, **{lacking: None})
+    points = keypoints([[10, 50], [20, 50], [30, 50], [40, 50]])
+    turned = Matches(np.array([3, 2, 1, 0]), np.array([3, 2, 1, 0]))
+    assert CHECK.prepare(replace(pair, geometry=geometry), points, points).usable(turned) == usable
+
+
+class Constant:
+    """A stereo matcher that sees everything at one disparity."""
+
+    parameters = MappingProxyType({"of": "a test"})
+
+    def disparity(self, image, partner, xy, to_the_right=True):
+        return np.full(len(xy), 20.0)
+
+
+def test_the_matcher_that_is_given_tells_the_depth():
+    pair = read_pair(SCENES["stereo"], 0, 2)
+    check = replace(CHECK, stereo=Constant())
+    points = keypoints([[50, 60], [70, 80]])
+    for side in check.prepare(pair, points, points).sides:
+        np.testing.assert_allclose(side.points[:, 2], 250 * 0.4 / 20)
+    assert check.protocol["stereo"] == {"of": "a test"}

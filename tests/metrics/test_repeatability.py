@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -177,3 +178,72 @@ def test_the_slow_twin(n0, n1, threshold, seed):
         del left[i], right[j]
     result = measure(shifted(0), xy0, xy1, threshold=threshold)
     assert result.repeatability == pytest.approx(found / max(1, min(n0, n1)))
+
+
+def test_the_larger_distance_may_be_that_in_image_0():
+    half = planar([[0.5, 0, 0], [0, 0.5, 0], [0, 0, 1]])
+    # 2 px apart in image 1 and 4 px in image 0
+    assert measure(half, points((80, 40)), points((42, 20))).repeatability == 0
+    assert measure(half, points((80, 40)), points((41, 20))).repeatability == 1
+
+
+def test_matches_pick_points_of_both_images():
+    xy0, xy1 = points((50, 50), (90, 20)), points((10, 80), (50, 50), (90, 20))
+    right, wrong = (Matches(np.array([0, 1]), np.array(index1)) for index1 in ([1, 2], [2, 1]))
+    assert measure(shifted(0), xy0, xy1, right).matching_score == 1
+    assert measure(shifted(0), xy0, xy1, wrong).matching_score == 0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_what_is_behind_the_camera_is_not_seen_though_the_map_puts_it_inside(sign):
+    """The horizon of this plane is at x = 100: (120, 20) would be mapped to (150, 50), inside the image."""
+    H = sign * np.array([[-1.0, 0, 90], [0, -1.0, 10], [-0.01, 0, 1]])
+    given = keypoints(points((120, 20), (40, 5)))
+    moved, _ = move_points(planar(H), given, NO_POINTS, StereoMatcher())
+    np.testing.assert_allclose((H @ [120, 20, 1])[:2] / (H @ [120, 20, 1])[2], [150, 50])
+    assert np.isnan(moved.xy[0]).all()
+    assert not moved.visible[0]
+    assert moved.visible[1]
+
+
+def test_what_comes_behind_the_camera_is_not_seen():
+    """Camera 1 is 15 m further ahead than camera 0: what was 10 m away is behind it, and on the optical axis."""
+    T = np.eye(4)
+    T[2, 3] = -15
+    pair = stereo(np.full((100, 200), 10.0), np.full((100, 200), np.nan))
+    pair = replace(pair, geometry=replace(pair.geometry, T_1_0=T))
+    moved, _ = move_points(pair, keypoints(points((100, 50), (110, 55))), NO_POINTS, StereoMatcher())
+    assert moved.known.all()
+    assert not moved.visible.any()
+
+
+def test_by_depth_each_image_has_its_own_size_and_both_focal_lengths():
+    """Camera 1 is 1 m above camera 0 and has fy = 50: at 10 m a point is 5 px lower in its smaller image."""
+    camera0 = Camera(np.array([[100.0, 0, 100], [0, 50, 50], [0, 0, 1]]), (200, 100))
+    camera1 = Camera(camera0.matrix, (120, 60))
+    T = np.eye(4)
+    T[1, 3] = 1
+    image1 = np.zeros((60, 120), np.uint8)
+    depths = np.full((100, 200), 10.0), np.full((60, 120), 10.0)
+    pair = FramePair("p", 0, 1, (IMAGE, image1), IMAGE, image1, None, ViewGeometry(T, camera0, camera1, *depths))
+    xy0, xy1 = points((110, 40), (110, 53), (110, 56), (130, 40)), points((110, 45), (110, 3))
+    moved0, moved1 = move_points(pair, keypoints(xy0), keypoints(xy1), StereoMatcher())
+    np.testing.assert_allclose(moved0.xy, np.add(xy0, [0, 5]))
+    assert moved0.visible.tolist() == [True, True, False, False]
+    np.testing.assert_allclose(moved1.xy, np.subtract(xy1, [0, 5]))
+    assert moved1.visible.tolist() == [True, False]
+
+
+def test_the_tolerance_of_occlusion_is_that_given_in_both_directions():
+    far, near = np.full((100, 200), 10.0), np.full((100, 200), 9.0)
+    point = keypoints(points((120, 20)))
+    for occlusion, seen in ((0.05, False), (0.2, True)):
+        assert bool(move_points(stereo(far, near), point, NO_POINTS, StereoMatcher(), occlusion)[0].visible[0]) == seen
+        assert bool(move_points(stereo(near, far), NO_POINTS, point, StereoMatcher(), occlusion)[1].visible[0]) == seen
+
+
+def test_keypoints_may_bring_their_depth():
+    """By the map a point is 10 m away and moves by 10 px; by its own depth by 20 px."""
+    given = replace(keypoints(points((120, 20))), depth=np.array([5.0]))
+    moved, _ = move_points(stereo(np.full((100, 200), 10.0), None), given, NO_POINTS, StereoMatcher())
+    np.testing.assert_allclose(moved.xy, [[100, 20]])

@@ -358,3 +358,62 @@ def test_overlap_within_bounds():
     for i in range(5):
         assert len(index.partners(i, 0.3, 0.6)) == index.reach(0.3, 0.6)[i]
     assert (index.reach(0.3, 0.6) + index.reach(0.6)).tolist() == index.reach(0.3).tolist()
+
+
+def there_and_back(*windows: tuple[int, int, int, int]) -> ArraySequence:
+    """As `views`, in the order in which a moving camera saw them."""
+    unordered = views(*windows)
+    return ArraySequence(unordered.frames, "there and back", unordered.to_frame)
+
+
+def test_what_left_the_view_of_a_moving_camera_does_not_come_back():
+    """10 x 10 points, 16 px apart; the camera goes 80 px to the right, half of the way back, and all of it."""
+    sequence = there_and_back(*[(x, 0, 160, 160) for x in (0, 80, 40, 0)])
+    index = measure_overlap(sequence, OverlapParameters())
+    assert rows_of(index) == [[50, 50, 50], [70, 50], [70], []]
+    assert index.motion_to(0)[:, 0].tolist() == [80, 40, 0]
+    # in no order each pair stands for itself
+    assert rows_of(measure_overlap(views(*[(x, 0, 160, 160) for x in (0, 80, 40, 0)]), OverlapParameters())) == [
+        [50, 80, 100],
+        [70, 50],
+        [70],
+        [],
+    ]
+
+
+@pytest.mark.parametrize(("shift", "seen"), [(8, 3), (9, 2), (-7, 3), (-8, 2)])
+def test_points_are_in_view_up_to_the_centres_of_the_border_pixels(shift, seen):
+    """Columns 8, 24 and 40 of 48: the border is reached exactly, or passed by a pixel."""
+    for windows in (((0, 0, 48, 16), (shift, 0, 48, 16)), ((0, 0, 16, 48), (0, shift, 16, 48))):
+        assert rows_of(measure_overlap(there_and_back(*windows), OverlapParameters())) == [[seen], []]
+
+
+def test_points_behind_the_camera_are_not_in_view():
+    """The horizon of the second view is at x = 16 of the first: of 24 and 40, the map of which is inside, none is seen."""
+    H = np.array([[1.0, 0, -200], [0, -1, 0], [-1 / 16, 0, 1]])
+    mapped = [(H @ [x, 8, 1])[:2] / (H @ [x, 8, 1])[2] for x in (24, 40)]
+    assert all(0 <= x <= 399 and 0 <= y <= 399 for x, y in mapped)
+    frames = [np.zeros((16, 48), np.uint8), np.zeros((400, 400), np.uint8)]
+    scene = Unordered(frames, "horizon", [np.eye(3), H])
+    assert rows_of(measure_overlap(scene, OverlapParameters())) == [[0], []]
+
+
+def test_the_overlap_is_a_share_of_the_points_of_the_earlier_frame():
+    index = index_of([[8, 4], [6], []], [10, 20, 30])
+    assert index.overlap(0).tolist() == [0.8, 0.4]
+    assert index.overlap(1).tolist() == [0.3]
+    assert index.reach(0.3).tolist() == [2, 1, 0]
+    assert index.partners(0, 0.4).tolist() == [1, 2]
+
+
+def test_new_points_are_on_the_corners_of_the_image():
+    """Bright squares 2 px wide at known places, one in a cell: their middles are between four pixels."""
+    image = np.full((64, 128), 40, np.uint8)
+    corners = [(20, 10), (54, 38), (100, 22), (116, 52)]
+    for x, y in corners:
+        image[y : y + 2, x : x + 2] = 240
+    found = _replenish(image, np.zeros((0, 2), np.float32), OverlapParameters())
+    assert len(found) >= 4
+    for x, y in corners:
+        assert np.abs(found - [x + 0.5, y + 0.5]).max(1).min() <= 2
+    assert all(min(np.hypot(px - x, py - y) for x, y in corners) < 4 for px, py in found)

@@ -171,3 +171,44 @@ def test_only_pairs_below_a_bound():
         BadInputError, match=r"no two frames of the data overlap by 0\.91 and less than 0\.95: the most"
     ):
         PairSampler([FIRST], 0.91, seed=1, below=0.95)
+
+
+class Turning(Stereo):
+    """Frame i is at (i, 0, 0), turned by i right angles about the vertical axis, with a focal length of its own."""
+
+    def camera(self, index):
+        return Camera(np.diag([100.0 + index, 100, 1]), (160, 120))
+
+    def pose(self, index):
+        T = np.eye(4)
+        c, s = [(1, 0), (0, 1), (-1, 0)][index]
+        T[0, 0], T[0, 2], T[2, 0], T[2, 2], T[0, 3] = c, s, -s, c, index
+        return T
+
+
+def test_the_motion_is_that_of_the_camera_in_its_own_frame():
+    """Frame 1 looks along the x axis of the world from (1, 0, 0): what is at (4, 0, 0) is 3 m ahead of it."""
+    geometry = read_pair(Turning(flight(3).frames), 0, 1).geometry
+    np.testing.assert_allclose(geometry.T_1_0 @ [4, 0, 0, 1], [0, 0, 3, 1], atol=1e-12)
+    back = read_pair(Turning(flight(3).frames), 1, 0).geometry
+    np.testing.assert_allclose(back.T_1_0 @ [0, 0, 3, 1], [4, 0, 0, 1], atol=1e-12)
+
+
+def test_each_frame_has_its_own_camera_and_partner():
+    sequence = Turning(flight(3).frames)
+    geometry = read_pair(sequence, 0, 2).geometry
+    assert (geometry.camera0.matrix[0, 0], geometry.camera1.matrix[0, 0]) == (100, 102)
+    np.testing.assert_array_equal(geometry.right0, sequence.right(0))
+    np.testing.assert_array_equal(geometry.right1, sequence.right(2))
+
+
+@pytest.mark.parametrize("lacking", [0, 2])
+def test_a_partner_is_read_where_there_is_no_depth_map(lacking):
+    class Both(Turning):
+        def depth(self, index):
+            return None if index == lacking else np.full((120, 160), 2.0)
+
+    geometry = read_pair(Both(flight(3).frames), 0, 2).geometry
+    assert (geometry.right0 is None, geometry.right1 is None) == (lacking == 2, lacking == 0)
+    assert (geometry.depth0 is None, geometry.depth1 is None) == (lacking == 0, lacking == 2)
+    assert geometry.baseline == 0.3

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from textured_scenes import texture
 
-from sips_lit.types import Camera, GreyImage, ImageSequence
+from sips_lit.types import Camera, FramePair, GreyImage, ImageSequence, ViewGeometry
 
 SIZE = (320, 240)
 FOCAL, BASELINE = 250.0, 0.4
@@ -99,3 +99,27 @@ def pose(x: float, y: float, z: float, yaw: float) -> np.ndarray:
     T[:3, :3] = cv2.Rodrigues(np.array([0, yaw, 0.0]))[0]
     T[:3, 3] = x, y, z
     return T
+
+
+LOW = (320, 180)
+SQUEEZE = LOW[1] / SIZE[1]
+LOW_CAMERA = Camera(np.array([[FOCAL, 0, 160.0], [0, FOCAL * 0.75, 120.5 * 0.75 - 0.5], [0, 0, 1]]), LOW)
+
+
+def squeezed(pair: FramePair) -> FramePair:
+    """A pair of the scene in images three quarters as high: the focal lengths of x and y differ."""
+
+    def squeeze(image: np.ndarray | None, how: int = cv2.INTER_AREA) -> np.ndarray | None:
+        return None if image is None else cv2.resize(image, LOW, interpolation=how)
+
+    g, frames = pair.geometry, tuple(squeeze(frame) for frame in pair.frames)
+    assert g is not None
+    depth0, depth1 = (squeeze(depth, cv2.INTER_NEAREST_EXACT) for depth in (g.depth0, g.depth1))
+    partners = squeeze(g.right0), squeeze(g.right1)
+    geometry = ViewGeometry(g.T_1_0, LOW_CAMERA, LOW_CAMERA, depth0, depth1, *partners, g.baseline)
+    return FramePair(pair.name, pair.index0, pair.index1, frames, frames[0], frames[-1], geometry=geometry)
+
+
+def squeezed_points(xy: np.ndarray) -> np.ndarray:
+    """Where points (N, 2) are then."""
+    return np.stack([xy[:, 0], (xy[:, 1] + 0.5) * SQUEEZE - 0.5], 1)

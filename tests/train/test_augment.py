@@ -207,3 +207,53 @@ def test_how_far_images_shrink_together_and_alone():
         assert drawn.mean(0) == pytest.approx([most / 2] * 2, abs=0.1 * most)
     assert (together[:, 0] == together[:, 1]).all()
     assert abs(np.corrcoef(alone.T)[0, 1]) < 0.2
+
+
+def whole_pair() -> FramePair:
+    """Two images of other sizes and cameras, a frame between, a homography, a pose, depth maps and partners: all differ."""
+    image0, between, image1 = texture(60, 80, 1), texture(60, 80, 2), texture(48, 64, 3)
+    camera0 = Camera(np.array([[100.0, 0, 30], [0, 90, 20], [0, 0, 1]]), (80, 60))
+    camera1 = Camera(np.array([[70.0, 0, 25], [0, 60, 30], [0, 0, 1]]), (64, 48))
+    generator = np.random.default_rng(0)
+    depth0, depth1 = (generator.uniform(2, 9, image.shape).astype(np.float32) for image in (image0, image1))
+    T = np.eye(4)
+    T[:3, 3] = 0.1, 0.2, 0.3
+    T[:3, :3] = cv2.Rodrigues(np.array([0.1, -0.2, 0.3]))[0]
+    geometry = ViewGeometry(T, camera0, camera1, depth0, depth1, texture(60, 80, 4), texture(48, 64, 5), 0.4)
+    H = np.array([[0.8, 0.05, 3], [-0.04, 0.7, 2], [1e-4, 0, 1]])
+    return FramePair("a:0-2", 0, 2, (image0, between, image1), image0, image1, H, geometry)
+
+
+def seen(pair: FramePair, image: int, xy: tuple[int, int]) -> np.ndarray:
+    """The place in space, in the frame of image 0 or 1, of a pixel with the depth that the map has there."""
+    g = pair.geometry
+    camera, depth = ((g.camera0, g.depth0), (g.camera1, g.depth1))[image]
+    return np.linalg.inv(camera.matrix) @ [*xy, 1] * depth[xy[1], xy[0]]
+
+
+@pytest.mark.parametrize(("horizontal", "vertical"), FLIPS)
+def test_a_mirror_turns_the_world_of_both_images(horizontal, vertical):
+    """A point seen in either image is seen in the mirrored one, and its place in space is the mirrored one."""
+    pair = whole_pair()
+    mirrored, g = mirror_pair(pair, horizontal, vertical), mirror_pair(pair, horizontal, vertical).geometry
+    sides = np.array([-1 if horizontal else 1, -1 if vertical else 1, 1])
+    for image, (width, height) in enumerate(((80, 60), (64, 48))):
+        for x, y in ((5, 7), (50, 40)):
+            there = (width - 1 - x if horizontal else x, height - 1 - y if vertical else y)
+            np.testing.assert_allclose(seen(mirrored, image, there), sides * seen(pair, image, (x, y)))
+    point = np.array([0.5, -0.4, 3])
+    moved = pair.geometry.T_1_0 @ [*point, 1]
+    np.testing.assert_allclose(g.T_1_0 @ [*(sides * point), 1], [*(sides * moved[:3]), 1])
+    rows, columns = slice(None, None, -1 if vertical else 1), slice(None, None, -1 if horizontal else 1)
+    for name in ("right0", "right1"):
+        np.testing.assert_array_equal(getattr(g, name), getattr(pair.geometry, name)[rows, columns])
+    assert g.baseline == (-0.4 if horizontal else 0.4)
+    assert (g.camera0.size, g.camera1.size) == ((80, 60), (64, 48))
+
+
+def test_each_image_changes_in_its_own_way():
+    alike = replace(PAIR, image1=PAIR.image0)
+    pair = Augmentation(flip=0, photometric=1)(alike, np.random.default_rng(0))
+    assert (pair.image0 != pair.image1).mean() > 0.5
+    other = replace(PAIR, image1=np.full((50, 70), 9, np.uint8))
+    assert Augmentation(flip=0, photometric=1)(other, np.random.default_rng(0)).image1.shape == (50, 70)

@@ -1,5 +1,5 @@
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import MappingProxyType
 
 import cv2
@@ -168,3 +168,18 @@ def test_keypoints_in_the_frame_of_a_smaller_image():
     assert there.xy.tolist() == [[0.5, 0.5], [158.5, 58.5]]  # the outer edges of both images are one
     assert there.scale.tolist() == [2, 4]
     assert in_frame(points, frame, frame) is points
+
+
+def test_what_is_described_is_what_the_detector_sees():
+    """The images may be augmented; the frames that are tracked are not."""
+    described = []
+
+    class Noting(OrbDescriptor):
+        def describe(self, image, points):
+            described.append(image)
+            return super().describe(image, points)
+
+    changed = replace(PAIR, image0=255 - PAIR.image0, image1=PAIR.image1 // 2)
+    label_pair(changed, POINTS0, POINTS1, Noting(), HomographyInliers())
+    assert described[0] is changed.image0
+    assert described[1] is changed.image1
