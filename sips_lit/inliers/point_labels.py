@@ -37,15 +37,18 @@ class PointLabels:
     """For the N selected points of one image: ``inlier`` (N,), ``known`` (N,) bool and ``reason`` (N,) uint8 (`Reason`).
 
     A point is an inlier if its match is one; every other point is an outlier, matched or not, unless nothing is known.
+    ``share`` (N,) float32 is how much of an inlier it is: 1 or 0, if it is judged among one number of points only.
     """
 
     inlier: NDArray[np.bool_]
     known: NDArray[np.bool_]
     reason: NDArray[np.uint8]
+    share: NDArray[np.float32]
 
 
 def point_labels(inliers: Inliers, point_of_match: NDArray[np.int64], known: NDArray[np.bool_]) -> PointLabels:
     """Labels of the points of one image from what is known about their matches."""
     reason = np.where(known, Reason.UNMATCHED, Reason.UNKNOWN).astype(np.uint8)
     reason[point_of_match] = inliers.reason
-    return PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason)
+    inlier = reason == Reason.INLIER
+    return PointLabels(inlier, reason != Reason.UNKNOWN, reason, inlier.astype(np.float32))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,18 @@ class MutualLifetimes:
     index1: NDArray[np.int64]
     first: NDArray[np.int64]
     last: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.index0)
+
+    def __getitem__(self, rows: NDArray[Any]) -> MutualLifetimes:
+        """Some of the pairs, by a mask or by positions."""
+        return MutualLifetimes(self.index0[rows], self.index1[rows], self.first[rows], self.last[rows])
+
+    def __add__(self, other: MutualLifetimes) -> MutualLifetimes:
+        """These pairs, then others."""
+        columns = ((getattr(self, name), getattr(other, name)) for name in self.__slots__)
+        return MutualLifetimes(*map(np.concatenate, columns))
 
     @property
     def matches(self) -> Matches:

@@ -30,10 +30,11 @@ class PairDataModule(L.LightningDataModule):
     """Pairs of frames with enough overlap, with labels for the points that the network selects.
 
     ``data``: sequences, or sources with weights; ``val_data``: the same for validation, or None to keep the last
-    ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``val_pairs``: how many
-    fixed pairs validate; ``loading_workers``: processes that decode and augment; ``labelling_workers``: threads that
-    describe, match and track; ``loading_timeout``: seconds without a pair after which the loading workers count as hung;
-    ``index_folder``: where overlap indexes are kept. Raises BadInputError for data or numbers that can't train.
+    ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``budgets``: see
+    `label_pair`; ``val_pairs``: how many fixed pairs validate; ``loading_workers``: processes that decode and augment;
+    ``labelling_workers``: threads that describe, match and track; ``loading_timeout``: seconds without a pair after
+    which the loading workers count as hung; ``index_folder``: where overlap indexes are kept. Raises BadInputError for
+    data or numbers that can't train.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class PairDataModule(L.LightningDataModule):
         augmentation: Augmentation | None = None,
         overlap_parameters: OverlapParameters | None = None,
         overlap: float = 0.3,
+        budgets: Sequence[int] = (),
         val_fraction: float = 0.15,
         val_pairs: int = 30,
         loading_workers: int = 2,
@@ -58,7 +60,7 @@ class PairDataModule(L.LightningDataModule):
         self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
         self.overlap, self.val_pairs, self.seed = overlap, val_pairs, seed
         self.loading_workers, self.labelling_workers = loading_workers, labelling_workers
-        self.loading_timeout = loading_timeout
+        self.loading_timeout, self.budgets = loading_timeout, list(budgets)
         self.skipped = SkippedPairs()
         if val_data is None:
             self.sources, self.val_sources = split_tail(as_sources(data), val_fraction)
@@ -134,6 +136,7 @@ class PairDataModule(L.LightningDataModule):
             stride=trainer.world_size,
             skipped=self.skipped,
             loading_timeout=self.loading_timeout,
+            budgets=self.budgets,
         )
 
     def val_dataloader(self) -> DataLoader[Any]:

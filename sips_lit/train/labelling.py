@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sips_lit.geometry.image_changes import resize_map
 from sips_lit.inliers.point_labels import PointLabels, point_labels
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.match.mutual_nearest import FOREVER, MutualLifetimes, distances, mutual_nearest_lifetimes
 from sips_lit.types import (
     Descriptor,
     Features,
@@ -35,24 +36,47 @@ def label_pair(
     check: InlierCheck,
     parallel: Map = map,
     parts: int = 1,
-) -> tuple[PointLabels, PointLabels, Matches]:
-    """Labels of the points of both images, and the matches that are inliers.
+    budgets: Sequence[int] = (),
+) -> tuple[PointLabels, PointLabels, MutualLifetimes]:
+    """Labels of the points of both images, best first, and the matches that are inliers.
 
     An image may be a smaller copy of its frame (the first or the last): its points are judged where they are in the frame.
+    ``budgets``: numbers of points among which matches are looked for, too; the share of a point is that of the budgets
+    with it in which its match is an inlier. Only checks that judge each match by itself can judge those.
     ``parallel`` may run up to ``parts`` calls at once; the labels don't change.
     """
     described0, described1 = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
     features0 = Features(keypoints0, described0, descriptor.norm)
     features1 = Features(keypoints1, described1, descriptor.norm)
-    matches = mutual_nearest(distances(features0, features1))
+    lifetimes = mutual_nearest_lifetimes(distances(features0, features1))
+    whole = lifetimes[lifetimes.last == FOREVER]
+    whole = whole[np.argsort(whole.index0)]
     keypoints0 = in_frame(keypoints0, pair.image0, pair.frames[0])
     keypoints1 = in_frame(keypoints1, pair.image1, pair.frames[-1])
-    inliers = _in_parts(check.prepare(pair, keypoints0, keypoints1), check.independent, matches, parallel, parts)
-    return (
-        point_labels(inliers, matches.index0, inliers.known0),
-        point_labels(inliers, matches.index1, inliers.known1),
-        Matches(matches.index0[inliers.inlier], matches.index1[inliers.inlier]),
-    )
+    prepared = check.prepare(pair, keypoints0, keypoints1)
+    judged = _in_parts(prepared, check.independent, whole.matches, parallel, parts)
+    labels0 = point_labels(judged, whole.index0, judged.known0)
+    labels1 = point_labels(judged, whole.index1, judged.known1)
+    inliers = whole[judged.inlier]
+    if budgets and check.independent:
+        alive = [(lifetimes.first <= n) & (n <= lifetimes.last) for n in budgets]
+        passing = lifetimes[(lifetimes.last < FOREVER) & np.any(alive, axis=0)]
+        inliers = inliers + passing[_in_parts(prepared, True, passing.matches, parallel, parts).inlier]
+        labels0 = replace(labels0, share=_shares(labels0.inlier, inliers, inliers.index0, budgets))
+        labels1 = replace(labels1, share=_shares(labels1.inlier, inliers, inliers.index1, budgets))
+    return labels0, labels1, inliers
+
+
+def _shares(
+    whole: NDArray[np.bool_], inliers: MutualLifetimes, points: NDArray[np.int64], budgets: Sequence[int]
+) -> NDArray[np.float32]:
+    """The share (N,) of the budgets with a point, all points among them, in which its match is an inlier."""
+    count, total = whole.astype(np.float32), np.ones(len(whole), np.float32)
+    for n in budgets:
+        if n < len(whole):
+            count[points[(inliers.first <= n) & (n <= inliers.last)]] += 1
+            total[:n] += 1
+    return count / total
 
 
 def in_frame(keypoints: Keypoints, image: GreyImage, frame: GreyImage) -> Keypoints:

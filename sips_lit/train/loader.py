@@ -23,10 +23,11 @@ from torch.utils.data import DataLoader, Subset
 from sips_lit.detect.selection import SelectedPoints, image_tensor
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.inliers.point_labels import PointLabels
+from sips_lit.match.mutual_nearest import MutualLifetimes
 from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedPairs, unpack
 from sips_lit.train.labelling import label_pair
-from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints, Matches
+from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
 LOADING_TIMEOUT = 120.0  # seconds
 SECONDS_TO_END = 2.0  # of a loading worker whose pairs nobody wants any more
@@ -45,7 +46,7 @@ class LabelledPair:
     points1: SelectedPoints
     labels0: PointLabels
     labels1: PointLabels
-    inliers: Matches
+    inliers: MutualLifetimes
     source: int
     name: str
     skipped: int = 0
@@ -62,9 +63,10 @@ class OneStepAhead:
     """Yields pairs labelled by the network as it was one optimiser step earlier, whatever the timing.
 
     Asks ``select`` for the points of the next pair, hands them to ``workers`` labelling threads (OpenCV releases the
-    GIL), and yields the pair labelled before. The state is the position in the stream of pairs and the points of the pair
-    that is being labelled: with it a resumed run continues as if it had not been interrupted. ``skipped`` counts the pairs
-    that can't be read. Loading workers that give no pair for ``loading_timeout`` seconds are replaced.
+    GIL), and yields the pair labelled before. The state is the position in the stream of pairs and the points of the
+    pair that is being labelled: with it a resumed run continues as if it had not been interrupted. ``skipped`` counts
+    the pairs that can't be read. ``budgets``: see `label_pair`. Loading workers that give no pair for
+    ``loading_timeout`` seconds are replaced.
     """
 
     def __init__(
@@ -79,7 +81,9 @@ class OneStepAhead:
         stride: int = 1,
         skipped: SkippedPairs | None = None,
         loading_timeout: float = LOADING_TIMEOUT,
+        budgets: Sequence[int] = (),
     ) -> None:
+        self.budgets = budgets
         self.skipped, self.loading_timeout = skipped or SkippedPairs(), loading_timeout
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
         self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
@@ -145,7 +149,7 @@ class OneStepAhead:
         pair, check = item.pair, self.checks[item.source]
         keypoints0, keypoints1 = points[0].keypoints, points[1].keypoints
         labels0, labels1, inliers = label_pair(
-            pair, keypoints0, keypoints1, self.descriptor, check, workers.map, self.labelling_workers
+            pair, keypoints0, keypoints1, self.descriptor, check, workers.map, self.labelling_workers, self.budgets
         )
         images = image_tensor(pair.image0), image_tensor(pair.image1)
         return LabelledPair(*images, *points, labels0, labels1, inliers, item.source, pair.name)

@@ -15,7 +15,8 @@ BUDGETS = (10, 20, 40, 80)  # points an image
 def inlierness_loss(logits: Tensor, inlier: Tensor, known: Tensor) -> Tensor:
     """Sum of -log P at inliers and -log(1 - P) at all other selected points, P = sigmoid(logit); all inputs (N,).
 
-    Points whose truth is not known are ignored. Zero for no points. Computed on logits: no P can make it infinite.
+    An inlier to some degree has its share of both. Points whose truth is not known are ignored. Zero for no points.
+    Computed on logits: no P can make it infinite.
     """
     losses = F.binary_cross_entropy_with_logits(logits, inlier.to(logits.dtype), reduction="none")
     return (losses * known).sum()
@@ -30,21 +31,21 @@ def consistency_loss(logits0: Tensor, logits1: Tensor, beta: float = 0.5) -> Ten
 
 
 def ranking_loss(
-    logits0: Tensor, logits1: Tensor, index0: Tensor, index1: Tensor, budgets: Sequence[int] = BUDGETS
+    logits0: Tensor, logits1: Tensor, index0: Tensor, index1: Tensor, last: Tensor, budgets: Sequence[int] = BUDGETS
 ) -> Tensor:
     """How far the inliers among the n best points fall short of n, on average over the budgets n that leave a choice.
 
-    ``logits0`` and ``logits1`` (N,) are those of the points of both images, ``index0`` and ``index1`` (M,) the ends of the
-    inlier matches. A match counts as far as both ends are among the n best: by a sigmoid of how far the logit is above a
-    threshold that lets n points pass. Between 0 and 1; zero where there are fewer points than in any budget. Our choice: the
-    inliers of n points are what succinctness counts.
+    ``logits0`` and ``logits1`` (N,) are those of the points of both images; ``index0`` and ``index1`` (M,) the ends of the
+    inlier matches, ``last`` (M,) the most points among which they are matches. A match counts as far as both ends are
+    among the n best: by a sigmoid of how far the logit is above a threshold that lets n points pass. Between 0 and 1;
+    zero where there are fewer points than in any budget. Our choice: the inliers of n points are what succinctness counts.
     """
     budgets = [n for n in budgets if n < min(len(logits0), len(logits1))]
     if not budgets:
         return (logits0.sum() + logits1.sum()) * 0
     n = torch.tensor(budgets, dtype=logits0.dtype, device=logits0.device)
     chosen0, chosen1 = soft_choice(logits0, n), soft_choice(logits1, n)
-    inliers = (chosen0[:, index0] * chosen1[:, index1]).sum(1)
+    inliers = (chosen0[:, index0] * chosen1[:, index1] * (last >= n[:, None])).sum(1)
     return (1 - inliers / n).mean()
 
 

@@ -28,9 +28,10 @@ from sips_lit.types import Features, GreyImage, Reason
 class SipsModule(L.LightningModule):
     """Trains a score network on labelled pairs; a step is one pair.
 
-    ``optimizer`` makes an optimiser of the parameters; ``scheduler``, if any, a schedule of the optimiser and the number of
-    steps (``T_max``). ``points``: how many are selected in each image; ``consistency``: weight of `consistency_loss`, added
-    to the inlierness loss (0: the paper's loss); ``gradient``: see `ScoreNetwork.at`.
+    ``optimizer`` makes an optimiser of the parameters; ``scheduler``, if any, a schedule of the optimiser and the
+    number of steps (``T_max``). ``points``: how many are selected in each image; ``consistency`` and ``ranking``:
+    weights of `consistency_loss` and `ranking_loss`, added to the inlierness loss (0: the paper's loss); ``gradient``:
+    see `ScoreNetwork.at`.
     """
 
     def __init__(
@@ -40,7 +41,6 @@ class SipsModule(L.LightningModule):
         optimizer: Callable[..., Optimizer],
         scheduler: Callable[..., LRScheduler] | None = None,
         points: int = 500,
-        pixels_per_point: int = 500,
         consistency: float = 0.3,
         ranking: float = 0.0,
         gradient: Gradient = "patches",
@@ -48,7 +48,7 @@ class SipsModule(L.LightningModule):
         super().__init__()
         self.network, self.selector = network, selector
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
-        self.points, self.pixels_per_point, self.gradient = points, pixels_per_point, gradient
+        self.points, self.gradient = points, gradient
         self.consistency, self.ranking = consistency, ranking
         self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)}, logger=False)
 
@@ -60,8 +60,7 @@ class SipsModule(L.LightningModule):
     def select(self, image: GreyImage) -> SelectedPoints:
         """The points of an image (H, W) that the network selects now."""
         with self.trainer.precision_plugin.forward_context():
-            n = min(self.points, image.size // self.pixels_per_point)
-            return self.selector.select(self.network, image_tensor(image, self.device), n)
+            return self.selector.select(self.network, image_tensor(image, self.device), self.points)
 
     def training_step(self, pair: LabelledPair, batch_idx: int) -> Tensor:
         """Summed loss over the points of both images, and over their matches."""
@@ -69,14 +68,14 @@ class SipsModule(L.LightningModule):
         logits = [logits_at(self.network, image, points, self.gradient) for image, points, _ in sides]
         loss = torch.zeros((), device=self.device)
         for of_side, (_, _, labels) in zip(logits, sides, strict=True):
-            inlier, known = (torch.from_numpy(a).to(of_side.device) for a in (labels.inlier, labels.known))
-            loss = loss + inlierness_loss(of_side, inlier, known)
+            share, known = (torch.from_numpy(a).to(of_side.device) for a in (labels.share, labels.known))
+            loss = loss + inlierness_loss(of_side, share, known)
         self._log_labels(pair, loss)
-        index0, index1 = (
-            torch.from_numpy(index).to(self.device) for index in (pair.inliers.index0, pair.inliers.index1)
+        index0, index1, last = (
+            torch.from_numpy(a).to(self.device) for a in (pair.inliers.index0, pair.inliers.index1, pair.inliers.last)
         )
         difference = consistency_loss(logits[0][index0], logits[1][index1])
-        shortfall = ranking_loss(*logits, index0, index1)
+        shortfall = ranking_loss(*logits, index0, index1, last)
         self.log("train/consistency", difference.detach() / max(1, len(index0)), batch_size=1)
         self.log("train/shortfall", shortfall.detach(), batch_size=1)
         return loss + self.consistency * difference + self.ranking * shortfall

@@ -11,10 +11,11 @@ from sips_lit.callbacks.guard import GracefulStop, LastValidation, NonFiniteGuar
 from sips_lit.detect.selection import SelectedPoints
 from sips_lit.errors import BadInputError, TrainingInterrupted
 from sips_lit.inliers.point_labels import PointLabels
+from sips_lit.match.mutual_nearest import MutualLifetimes
 from sips_lit.train.loader import LabelledPair
-from sips_lit.types import Keypoints, Matches
+from sips_lit.types import Keypoints
 
-NO_MATCHES = Matches(np.zeros(0, np.int64), np.zeros(0, np.int64))
+NO_MATCHES = MutualLifetimes(*[np.zeros(0, np.int64)] * 4)
 
 
 class Trainer(SimpleNamespace):
@@ -38,7 +39,7 @@ def labelled(n: int) -> LabelledPair:
         places,
         places + 1,
     )
-    labels = PointLabels(np.ones(n, bool), np.ones(n, bool), np.zeros(n, np.uint8))
+    labels = PointLabels(np.ones(n, bool), np.ones(n, bool), np.zeros(n, np.uint8), np.ones(n, np.float32))
     image = torch.full((1, 1, 6, 8), 5.0)
     return LabelledPair(image, image + 1, points, points, labels, labels, NO_MATCHES, 0, "city:3-9")
 

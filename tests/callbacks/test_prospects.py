@@ -8,10 +8,11 @@ from sips_lit.callbacks.prospects import Prospects
 from sips_lit.detect.selection import SelectedPoints, image_tensor
 from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.inliers.point_labels import PointLabels
+from sips_lit.match.mutual_nearest import MutualLifetimes
 from sips_lit.train.loader import LabelledPair
-from sips_lit.types import Keypoints, Matches, Reason
+from sips_lit.types import Keypoints, Reason
 
-NO_MATCHES = Matches(np.zeros(0, np.int64), np.zeros(0, np.int64))
+NO_MATCHES = MutualLifetimes(*[np.zeros(0, np.int64)] * 4)
 
 
 def labelled(points: int, *reasons: Reason) -> LabelledPair:
@@ -20,7 +21,7 @@ def labelled(points: int, *reasons: Reason) -> LabelledPair:
     reason[: len(reasons)] = reasons
     zeros, one = np.zeros(points, np.int64), np.ones(points, np.float32)
     selected = SelectedPoints(Keypoints(np.zeros((points, 2), np.float32), one, one), zeros, zeros, zeros)
-    labels = PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason)
+    labels = PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason, np.float32(reason == Reason.INLIER))
     image = image_tensor(np.zeros((4, 4), np.uint8))
     return LabelledPair(image, image, selected, selected, labels, labels, NO_MATCHES, 0, "pair")
 

@@ -183,3 +183,36 @@ def test_what_is_described_is_what_the_detector_sees():
     label_pair(changed, POINTS0, POINTS1, Noting(), HomographyInliers())
     assert described[0] is changed.image0
     assert described[1] is changed.image1
+
+
+def test_labels_at_several_budgets_one_by_one():
+    """The points of each budget are matched and judged by themselves; a point counts where it is among them."""
+    budgets = (5, 12, 30, 1000)
+    count0, count1 = np.zeros(len(POINTS0)), np.zeros(len(POINTS1))
+    found = set()
+    for n in (*budgets[:3], 500):
+        best0, best1 = POINTS0.best(n), POINTS1.best(n)
+        labels0, labels1, inliers = label_pair(PAIR, best0, best1, OrbDescriptor(), HomographyInliers())
+        count0[: len(best0)] += labels0.inlier
+        count1[: len(best1)] += labels1.inlier
+        found |= set(zip(inliers.index0.tolist(), inliers.index1.tolist(), strict=True))
+    labels0, labels1, inliers = label_pair(
+        PAIR, POINTS0, POINTS1, OrbDescriptor(), HomographyInliers(), budgets=budgets
+    )
+    for labels, count in ((labels0, count0), (labels1, count1)):
+        with_it = 1 + sum(np.arange(len(count)) < n for n in budgets[:3])
+        np.testing.assert_allclose(labels.share, count / with_it, rtol=1e-6)
+        assert 0 < (labels.share % 1 > 0).sum() < len(count)  # both kinds of points
+    assert sorted(zip(inliers.index0.tolist(), inliers.index1.tolist(), strict=True)) == sorted(found)
+    plain = label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), HomographyInliers())[:2]
+    for labels, whole in zip((labels0, labels1), plain, strict=True):
+        np.testing.assert_array_equal(labels.reason, whole.reason)
+        np.testing.assert_array_equal(whole.share, whole.inlier)
+
+
+def test_matches_that_are_judged_together_have_one_budget():
+    check = Dependent()
+    labels0, _, inliers = label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), check, budgets=(5, 12))
+    assert check.seen == len(slow_matches(POINTS0, POINTS1))
+    np.testing.assert_array_equal(labels0.share, labels0.inlier)
+    assert (inliers.last > 10**6).all()

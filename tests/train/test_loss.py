@@ -89,24 +89,29 @@ def test_sharp_logits_count_the_inliers_among_the_n_best_as_a_loop_does():
     generator = np.random.default_rng(3)
     logits0, logits1 = (generator.permutation(40) * 50.0 for _ in range(2))  # steps of 50: all choices are sharp
     index0, index1 = (generator.permutation(40)[:25] for _ in range(2))
+    last = generator.choice([7, 15, 10**9], 25)  # the most points among which the match is one
     short = []
     for n in (5, 10, 20):
         best0, best1 = (set(np.argsort(-logits)[:n].tolist()) for logits in (logits0, logits1))
-        short.append(1 - sum(i in best0 and j in best1 for i, j in zip(index0, index1, strict=True)) / n)
-    tensors = [torch.from_numpy(a) for a in (logits0, logits1, index0, index1)]
+        short.append(
+            1 - sum(i in best0 and j in best1 and n <= m for i, j, m in zip(index0, index1, last, strict=True)) / n
+        )
+    tensors = [torch.from_numpy(a) for a in (logits0, logits1, index0, index1, last)]
     assert float(ranking_loss(*tensors, budgets=(5, 10, 20, 40, 80))) == pytest.approx(np.mean(short), abs=1e-6)
 
 
 def test_ranking_pulls_up_an_inlier_near_the_threshold_and_pushes_down_its_rival():
     logits = torch.tensor([0.2, 0.1, -3.0], requires_grad=True)
-    ranking_loss(logits, logits.detach(), torch.tensor([1]), torch.tensor([1]), budgets=(1,)).backward()
+    ranking_loss(
+        logits, logits.detach(), torch.tensor([1]), torch.tensor([1]), torch.tensor([3]), budgets=(1,)
+    ).backward()
     assert logits.grad[1] < 0 < logits.grad[0]
 
 
 def test_ranking_needs_more_points_than_the_budget():
     logits = torch.zeros(10, requires_grad=True)
     every = torch.arange(10)
-    loss = ranking_loss(logits, logits, every, every)
+    loss = ranking_loss(logits, logits, every, every, every + 10)
     loss.backward()
-    assert float(loss) == 0
+    assert loss.item() == 0
     assert not logits.grad.any()

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -10,12 +11,14 @@ from train_run import fit, make_data, make_module
 
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor
+from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor, logits_at
 from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.inliers.verification import VerifiedPair
+from sips_lit.match.mutual_nearest import FOREVER, MutualLifetimes
 from sips_lit.train.loader import LabelledPair
+from sips_lit.train.loss import ranking_loss
 from sips_lit.train.module import SipsModule
-from sips_lit.types import Keypoints, Matches, Reason
+from sips_lit.types import Keypoints, Reason
 
 
 def side(rows, columns, reasons) -> tuple[SelectedPoints, PointLabels]:
@@ -23,12 +26,14 @@ def side(rows, columns, reasons) -> tuple[SelectedPoints, PointLabels]:
     ones = np.ones(len(rows), np.float32)
     xy = np.stack([columns, rows], 1).astype(np.float32).reshape(-1, 2)
     points = SelectedPoints(Keypoints(xy, ones, ones), np.zeros(len(rows), np.int64), rows, columns)
-    return points, PointLabels(reason == Reason.INLIER, reason != Reason.UNKNOWN, reason)
+    inlier = reason == Reason.INLIER
+    return points, PointLabels(inlier, reason != Reason.UNKNOWN, reason, inlier.astype(np.float32))
 
 
 def hand_made(side0, side1, index0=(), index1=()) -> LabelledPair:
     images = image_tensor(texture(40, 50)), image_tensor(texture(36, 44, 1))
-    inliers = Matches(np.array(index0, np.int64), np.array(index1, np.int64))
+    ends = np.array(index0, np.int64), np.array(index1, np.int64)
+    inliers = MutualLifetimes(*ends, np.maximum(*ends) + 1, np.full(len(ends[0]), FOREVER))
     return LabelledPair(*images, side0[0], side1[0], side0[1], side1[1], inliers, 0, "hand")
 
 
@@ -84,6 +89,34 @@ def test_the_loss_adds_the_difference_of_the_logits_of_matched_points(gradient, 
     differences = [abs(logits0[3, 4] - logits1[8, 9]), abs(logits0[39, 49] - logits1[35, 0])]
     expected = sum(d - 0.25 if d > 0.5 else d**2 for d in differences)
     assert float((loss - without).detach()) == pytest.approx(weight * float(expected), rel=1e-3, abs=1e-5)
+
+
+def test_the_loss_adds_what_the_best_points_lack_in_inliers():
+    module, weightless = (make_module(ranking=weight, consistency=0) for weight in (30, 0))
+    weightless.load_state_dict(module.state_dict())
+    logged = Logged(module)
+    Logged(weightless)
+    places = np.arange(12), np.arange(12)[::-1] * 3
+    sides = side(*places, [GOOD] * 12), side(*places, [GOOD] * 12)
+    pair = hand_made(*sides, range(12), range(12))
+    losses = [m.training_step(pair, 0) for m in (module, weightless)]
+    logits = [logits_at(module.network, image, sides[0][0], "dense") for image in (pair.image0, pair.image1)]
+    same = torch.arange(12)
+    expected = ranking_loss(*logits, same, same, torch.full((12,), 12))
+    assert 0.01 < expected.item() < 1
+    assert float(losses[0] - losses[1]) == pytest.approx(30 * expected.item(), rel=1e-4)
+    assert logged["train/shortfall"] == pytest.approx(float(expected), rel=1e-5)
+
+
+def test_an_inlier_to_some_degree_counts_as_both():
+    module = make_module(consistency=0)
+    Logged(module)
+    losses = []
+    for share in (0, 0.25, 1):
+        points, labels = side([3], [4], [GOOD])
+        pair = hand_made((points, replace(labels, share=np.full(1, share, np.float32))), side([], [], []))
+        losses.append(float(module.training_step(pair, 0)))
+    assert losses[1] == pytest.approx(0.75 * losses[0] + 0.25 * losses[2], rel=1e-5)
 
 
 def test_the_gradient_moves_inliers_up_and_others_down():
