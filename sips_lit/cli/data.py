@@ -132,7 +132,7 @@ def stats_row(stats: SequenceStats) -> dict[str, str]:
         "sequence": stats.name,
         "frames": str(stats.frames),
         **{f"+{gap}": "" if np.isnan(m) else f"{m:.2f}" for gap, m in zip(GAPS, stats.overlap[:, 1], strict=True)},
-        "reach 0.3": f"{np.median(stats.reach_training):.0f}",
+        f"reach {TRAINING:g}": f"{np.median(stats.reach_training):.0f}",
         "reach 0.5": f"{np.median(stats.reach_testing):.0f}",
         **{name: f"{np.median(values):.3g}" if len(values) else "" for name, values in motion.items()},
     }

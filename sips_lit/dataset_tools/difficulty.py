@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from sips_lit.pairs.overlap import OverlapIndex
 
-TRAINING: Final = 0.3
-"""The overlap of training pairs (paper)."""
-CLASSES: Final = np.array([TRAINING, 0.4, 0.6, 0.8])
+TRAINING: Final = 0.1
+"""The least overlap of training pairs, as configured (paper: 0.3)."""
+CLASSES: Final = np.array([TRAINING, 0.2, 0.4, 0.6, 0.8])
 """Where classes of overlap begin, as in `OverlapIndex.difficulty`."""
 ALIKE: Final = 0.9
 """A sequence with more neighbours among its pairs teaches little else."""
@@ -22,7 +22,7 @@ ALIKE: Final = 0.9
 class PairSpread:
     """The pairs of a sequence with enough overlap for training.
 
-    ``classes`` (4,): how many are in each of `CLASSES`; ``neighbours``: the share of pairs of neighbouring frames, NaN where
+    ``classes`` (5,): how many are in each of `CLASSES`; ``neighbours``: the share of pairs of neighbouring frames, NaN where
     the order of the frames means nothing or there is no pair; ``motion`` (3, 101): percentiles 0 to 100 of the median
     displacement in pixels, of the turn in degrees, and of the zoom as a factor >= 1, NaN without a pair.
     """

@@ -27,7 +27,7 @@ class SequenceStats:
     """Motion and overlap of a sequence of N frames.
 
     ``overlap`` (G, 3): quartiles of the overlap of frames that are ``GAPS`` apart, NaN where no frames are;
-    ``reach_training`` and ``reach_testing`` (N,): later frames with overlap >= 0.3 and >= 0.5 of each frame; ``pixels``
+    ``reach_training`` and ``reach_testing`` (N,): later frames with overlap >= `TRAINING` and >= 0.5 of each frame; ``pixels``
     (S,): median motion of points between neighbours, sampled; ``metres`` and ``degrees`` (N - 1,): motion between
     neighbours by the poses; ``spread``: that of its pairs.
     """
@@ -50,7 +50,7 @@ def sequence_stats(sequence: ImageSequence, index: OverlapIndex, tracker: KltTra
         sequence.name,
         len(sequence),
         overlap_by_gap(index),
-        index.reach(0.3),
+        index.reach(TRAINING),
         index.reach(0.5),
         pixel_steps(sequence, tracker or KltTracker(), index.unreadable),
         metres,
@@ -120,9 +120,9 @@ def draw_stats(stats: Sequence[SequenceStats]) -> Figure:
     overlaps.set(xscale="log", ylim=(0, 1.02), xlabel="frames apart", ylabel="overlap (median, quartiles)")
     overlaps.set_xticks(GAPS, [str(gap) for gap in GAPS])
     overlaps.minorticks_off()
-    for level in (0.3, 0.5):
+    for level in (TRAINING, 0.5):
         overlaps.axhline(level, color="0.6", linewidth=0.7, linestyle=":")
-    reaches.set(ylim=(0, 1.02), xlabel="later frames of overlap >= 0.3", ylabel="fraction of frames with more")
+    reaches.set(ylim=(0, 1.02), xlabel=f"later frames of overlap >= {TRAINING:g}", ylabel="fraction of frames with more")
     motions.set(ylim=(0, 1.02), xlabel="motion to the next frame (pixels)", ylabel="fraction of frames with more")
     label = f"motion in pairs of overlap >= {TRAINING:g} (pixels)"
     pairs.set(ylim=(0, 1.02), xlabel=label, ylabel="fraction of pairs with more")

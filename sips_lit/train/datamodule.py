@@ -46,7 +46,7 @@ class PairDataModule(L.LightningDataModule):
         val_data: Sequence[ImageSequence] | Sequence[Source] | None = None,
         augmentation: Augmentation | None = None,
         overlap_parameters: OverlapParameters | None = None,
-        overlap: float = 0.3,
+        overlap: float = 0.1,
         budgets: Sequence[int] = (),
         val_fraction: float = 0.15,
         val_pairs: int = 30,

@@ -68,7 +68,7 @@ def test_stats_writes_a_table_and_a_picture(images, tmp_path, capsys):
     picture = tmp_path / "out" / "stats.png"
     code, out, _ = run(capsys, "stats", images, "--output", picture, "--cache", tmp_path / "cache")
     assert code == 0
-    assert "reach 0.3" in out
+    assert "reach 0.1" in out
     assert cv2.imread(str(picture)) is not None
 
 
@@ -76,7 +76,7 @@ def test_stats_tells_of_frames_that_cannot_be_read(images, tmp_path, capsys):
     (images / "2.png").write_bytes((images / "2.png").read_bytes()[:300])
     code, out, err = run(capsys, "stats", images, "--output", tmp_path / "stats.png", "--cache", tmp_path / "cache")
     assert code == 1
-    assert "reach 0.3" in out
+    assert "reach 0.1" in out
     assert "are left out (1); the first: " in err
     assert "2.png" in err
 
