@@ -75,7 +75,7 @@ class SipsModule(L.LightningModule):
             torch.from_numpy(a).to(self.device) for a in (pair.inliers.index0, pair.inliers.index1, pair.inliers.last)
         )
         difference = consistency_loss(logits[0][index0], logits[1][index1])
-        shortfall = ranking_loss(*logits, index0, index1, last)
+        shortfall = ranking_loss(logits[0], logits[1], index0, index1, last)
         self.log("train/consistency", difference.detach() / max(1, len(index0)), batch_size=1)
         self.log("train/shortfall", shortfall.detach(), batch_size=1)
         return loss + self.consistency * difference + self.ranking * shortfall
