@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import torch
 
 from sips_lit.baselines.learned import as_features, best_inside, fill, network_image, packaged_weights, read_weights
@@ -9,15 +11,21 @@ from sips_lit.detect.base import BaseDetector
 from sips_lit.errors import import_extra
 from sips_lit.types import Features, GreyImage
 
+OFFSET: Final = 0.5
+"""Pixels from where the network says to where its points lie."""
 _ALL = 2**31  # points: no limit
+_MULTIPLE = 32  # pixels
 
 
 class XFeat(BaseDetector):
     """Sparse XFeat with the network's own suppression (strict maxima in 5 x 5, above 0.05).
 
-    The score is the keypoint's heat times its reliability. Images are padded to multiples of 32 instead of shrunk, as
-    the authors' code does: positions stay what they are. Points are whole pixels of the heat map, whose pixel (0, 0) is
-    the first pixel's centre: nothing is shifted.
+    Settings are the authors': float32, and the image resized (linearly) to the next lower multiples of 32, at least 32.
+    The score is the keypoint's heat times its reliability.
+
+    Offset: `OFFSET` px of the resized image. The network was trained to name the pixel that ALIKE's sub-pixel position
+    falls into, rounded down, so that its pixel i stands for positions from i to i + 1. Points are taken back to the
+    image about the pixels' edges.
     """
 
     name: str = "XFeat"
@@ -37,6 +45,10 @@ class XFeat(BaseDetector):
     @torch.inference_mode()
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
         """At most ``n`` features, best first, (N, 64) of length 1."""
-        found = self.network.detectAndCompute(network_image(image, multiple=32), top_k=_ALL)[0]
-        keypoints, rows = best_inside(found["keypoints"].float(), found["scores"], image.shape, n)
+        found = self.network.detectAndCompute(network_image(image), top_k=_ALL)[0]
+        enlarged = torch.tensor([size / max(size // _MULTIPLE * _MULTIPLE, _MULTIPLE) for size in image.shape[::-1]])
+        # kornia gives whole pixels of the resized image times the ratio of the sizes, as if both shared the first pixel's
+        # centre; they share its corner
+        xy = found["keypoints"] + (0.5 + OFFSET) * enlarged - 0.5
+        keypoints, rows = best_inside(xy, found["scores"], image.shape, n)
         return as_features(keypoints, found["descriptors"][rows])

@@ -19,7 +19,7 @@ import torch
 
 from sips_lit.types import Descriptor, Detector
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Of the code that makes features: a higher one makes all stored features stale."""
 
 
