@@ -105,7 +105,7 @@ def rank_correlation(a: Sequence[float], b: Sequence[float]) -> float:
     ranks = [mean_ranks(np.asarray(values, np.float64)) for values in (a, b)]
     if min(np.ptp(rank) if len(rank) else 0.0 for rank in ranks) == 0:
         return float("nan")
-    return float(np.corrcoef(*ranks)[0, 1])
+    return float(np.corrcoef(ranks[0], ranks[1])[0, 1])
 
 
 def mean_ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -76,7 +76,7 @@ class SipsModule(L.LightningModule):
             torch.from_numpy(index).to(self.device) for index in (pair.inliers.index0, pair.inliers.index1)
         )
         difference = consistency_loss(logits[0][index0], logits[1][index1])
-        shortfall = ranking_loss(*logits, index0, index1)
+        shortfall = ranking_loss(logits[0], logits[1], index0, index1)
         self.log("train/consistency", difference.detach() / max(1, len(index0)), batch_size=1)
         self.log("train/shortfall", shortfall.detach(), batch_size=1)
         return loss + self.consistency * difference + self.ranking * shortfall
