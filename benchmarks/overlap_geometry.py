@@ -23,7 +23,7 @@ from tabulate import tabulate
 
 from sips_lit.geometry.projection import View, frame_view, inside, transfer
 from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, _replenish, measure_overlap
+from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, corners_to_track, measure_overlap
 from sips_lit.types import DisparityMatcher, FloatArray, ImageSequence
 
 MEASURES = {"corners": OverlapParameters(), "every cell": OverlapParameters(quality=0)}
@@ -86,7 +86,7 @@ def measure_pairs(
         if here is None or there is None or pose0 is None or pose1 is None:
             continue
         T = np.linalg.inv(pose1) @ pose0
-        visible, points = visible_share(here, there, T, _replenish(here.image, NONE, OverlapParameters()), stereo)
+        visible, points = visible_share(here, there, T, corners_to_track(here.image, NONE, OverlapParameters()), stereo)
         if points < ENOUGH:
             continue
         measured = [of_pair(index, i, j) for index in indexes]
@@ -105,7 +105,7 @@ def rank_correlation(a: Sequence[float], b: Sequence[float]) -> float:
     ranks = [mean_ranks(np.asarray(values, np.float64)) for values in (a, b)]
     if min(np.ptp(rank) if len(rank) else 0.0 for rank in ranks) == 0:
         return float("nan")
-    return float(np.corrcoef(*ranks)[0, 1])
+    return float(np.corrcoef(ranks[0], ranks[1])[0, 1])
 
 
 def mean_ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:

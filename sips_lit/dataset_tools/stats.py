@@ -122,7 +122,9 @@ def draw_stats(stats: Sequence[SequenceStats]) -> Figure:
     overlaps.minorticks_off()
     for level in (TRAINING, 0.5):
         overlaps.axhline(level, color="0.6", linewidth=0.7, linestyle=":")
-    reaches.set(ylim=(0, 1.02), xlabel=f"later frames of overlap >= {TRAINING:g}", ylabel="fraction of frames with more")
+    reaches.set(
+        ylim=(0, 1.02), xlabel=f"later frames of overlap >= {TRAINING:g}", ylabel="fraction of frames with more"
+    )
     motions.set(ylim=(0, 1.02), xlabel="motion to the next frame (pixels)", ylabel="fraction of frames with more")
     label = f"motion in pairs of overlap >= {TRAINING:g} (pixels)"
     pairs.set(ylim=(0, 1.02), xlabel=label, ylabel="fraction of pairs with more")

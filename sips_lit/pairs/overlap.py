@@ -245,7 +245,7 @@ def _track_all(
                 open_rows[row][1].append(motion[row - first])
             else:
                 finished.append(_row(*open_rows.pop(row)))
-        fresh = np.zeros((0, 2), np.float32) if image is None else _replenish(image, xy, parameters)
+        fresh = np.zeros((0, 2), np.float32) if image is None else corners_to_track(image, xy, parameters)
         xy, born = np.concatenate([xy, fresh]), np.concatenate([born, np.full(len(fresh), index)])
         unborn = np.full((len(places), len(fresh)), np.nan)
         places = np.concatenate([np.concatenate([places, unborn], 1), as_complex(xy)[None]])
@@ -256,7 +256,7 @@ def _track_all(
         yield len(xy), finished
 
 
-def _replenish(image: GreyImage, xy: NDArray[np.float32], parameters: OverlapParameters) -> NDArray[np.float32]:
+def corners_to_track(image: GreyImage, xy: NDArray[np.float32], parameters: OverlapParameters) -> NDArray[np.float32]:
     """New points (M, 2): the best-textured pixel of each grid cell with a corner but no point, not close to any other point.
 
     Texture is the smaller eigenvalue of the structure tensor, at half resolution: KLT refines the place anyway.

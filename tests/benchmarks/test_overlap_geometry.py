@@ -43,7 +43,7 @@ def test_depth_maps_and_stereo_tell_the_same_share():
     scenes = [StereoScene(4, tells) for tells in ("stereo", "depth")]
     T = np.linalg.inv(scenes[0].poses[3]) @ scenes[0].poses[0]
     stereo, depth = [(frame_view(scene, 0), frame_view(scene, 3)) for scene in scenes]
-    xy = SCRIPT["_replenish"](stereo[0].image, np.zeros((0, 2), np.float32), SCRIPT["OverlapParameters"]())
+    xy = SCRIPT["corners_to_track"](stereo[0].image, np.zeros((0, 2), np.float32), SCRIPT["OverlapParameters"]())
     xy = xy[np.isfinite(stereo[0].depth_at(xy, StereoMatcher()))]
     shares = [visible_share(*both, T, xy, StereoMatcher())[0] for both in (stereo, depth)]
     assert len(xy) > 100

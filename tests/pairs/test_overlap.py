@@ -8,7 +8,7 @@ from overlap_rows import index_of
 from textured_scenes import ArraySequence, film, flight, texture
 
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, _replenish, measure_overlap
+from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, corners_to_track, measure_overlap
 from sips_lit.tracking.klt import KltTracker
 
 
@@ -33,7 +33,7 @@ def slow_overlap(sequence: ArraySequence, parameters: OverlapParameters) -> tupl
             if unbroken and survivors and index - earlier <= parameters.max_span:
                 rows[earlier].append(survivors)
         xy = np.array(list(places.values()), np.float32).reshape(-1, 2)
-        for place in _replenish(sequence.frames[index], xy, parameters):
+        for place in corners_to_track(sequence.frames[index], xy, parameters):
             places[born] = place
             born += 1
         members.append(set(places))
@@ -161,7 +161,7 @@ def test_new_points_keep_away_from_the_others_and_from_flat_places():
     image = texture(96, 128)
     image[:, 64:] = 77
     taken = np.array([[10.2, 11.8], [40, 50]], np.float32)
-    fresh = _replenish(image, taken, OverlapParameters())
+    fresh = corners_to_track(image, taken, OverlapParameters())
     assert 6 < len(fresh) <= 4 * 6 + 6  # cells of the textured half, and those at its edge
     assert fresh[:, 0].max() < 68
     assert np.abs(fresh[:, None] - taken[None]).max(2).min() >= 4
@@ -177,7 +177,7 @@ def test_only_corners_are_tracked(contrast):
     image[:, 128:] = np.where(np.arange(64) < 32, 90, 160)
     image = (image * contrast).astype(np.uint8)
     nothing = np.zeros((0, 2), np.float32)
-    corners, all_places = (_replenish(image, nothing, OverlapParameters(quality=q)) for q in (0.03, 0))
+    corners, all_places = (corners_to_track(image, nothing, OverlapParameters(quality=q)) for q in (0.03, 0))
     assert len(all_places) > 40
     assert corners[:, 0].max() < 68
     assert len(corners) > 16
@@ -185,7 +185,7 @@ def test_only_corners_are_tracked(contrast):
 
 @pytest.mark.parametrize("shape", [(2, 2), (5, 40), (15, 15)])
 def test_images_smaller_than_a_cell(shape):
-    assert _replenish(texture(*shape), np.zeros((0, 2), np.float32), OverlapParameters()).shape == (0, 2)
+    assert corners_to_track(texture(*shape), np.zeros((0, 2), np.float32), OverlapParameters()).shape == (0, 2)
 
 
 def test_signature_changes_with_everything_that_matters():
@@ -412,7 +412,7 @@ def test_new_points_are_on_the_corners_of_the_image():
     corners = [(20, 10), (54, 38), (100, 22), (116, 52)]
     for x, y in corners:
         image[y : y + 2, x : x + 2] = 240
-    found = _replenish(image, np.zeros((0, 2), np.float32), OverlapParameters())
+    found = corners_to_track(image, np.zeros((0, 2), np.float32), OverlapParameters())
     assert len(found) >= 4
     for x, y in corners:
         assert np.abs(found - [x + 0.5, y + 0.5]).max(1).min() <= 2

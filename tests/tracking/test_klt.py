@@ -113,6 +113,20 @@ def test_flat_images_hold_no_track():
     assert not held.any()
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_what_is_not_found_on_one_of_both_ways_is_lost(way):
+    """In a flat image a round blob is held in its place by its symmetry; OpenCV does not move what it does not find."""
+    x, y = np.meshgrid(np.arange(80), np.arange(64))
+    blob = (20 + 200 * np.exp(-((x - 40) ** 2 + (y - 32) ** 2) / 18)).astype(np.uint8)
+    image0, image1 = [blob, np.full((64, 80), 20, np.uint8)][::way]
+    xy, options = np.array([[40, 32]], np.float32), {"winSize": (15, 15), "maxLevel": 3}
+    forth, found, _ = cv2.calcOpticalFlowPyrLK(image0, image1, xy, None, **options)
+    back, found_back, _ = cv2.calcOpticalFlowPyrLK(image1, image0, forth, None, **options)
+    assert [found.item(), found_back.item()] == [1, 0][::way]
+    np.testing.assert_allclose(back, xy, atol=1e-3)
+    assert not KltTracker().step(image0, image1, xy)[1].any()
+
+
 @pytest.mark.parametrize("margin", [0.0, 4.0, 15.0])
 def test_the_margin_is_kept(margin):
     image = texture(100, 120)

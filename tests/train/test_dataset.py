@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from overlapping_sources import assert_same, sampler_of, sources
@@ -45,6 +47,46 @@ def test_frames_between_are_read_where_labels_need_them():
         between = abs(item.pair.index1 - item.pair.index0) + 1
         assert len(item.pair.frames) == (between if item.source == 0 else 2)
         np.testing.assert_array_equal(item.pair.image1, item.pair.frames[-1])
+
+
+def test_a_pair_is_the_one_that_was_drawn():
+    data = sources()
+    pairs = TrainingPairs(data, sampler_of(data), KltInliers(), None, 20)
+    for i in range(20):
+        at, choice = pairs.sampler.draw(0, i)
+        pair, sequence = pairs[i].pair, data[at].sequences[choice.sequence]
+        assert (pair.index0, pair.index1, pair.name) == (choice.index0, choice.index1, pairs.name(i))
+        np.testing.assert_array_equal(pair.image0, sequence.frame(choice.index0))
+        np.testing.assert_array_equal(pair.image1, sequence.frame(choice.index1))
+
+
+@pytest.mark.parametrize(("uses_frames", "uses_depth"), [(False, False), (True, False), (False, True), (True, True)])
+def test_pairs_may_be_turned_where_labels_need_their_homography_alone(uses_frames, uses_depth):
+    asked = []
+
+    def note(pair, generator, planar):
+        asked.append(planar)
+        return pair
+
+    check = SimpleNamespace(uses_frames=uses_frames, uses_depth=uses_depth)
+    data = [Source([flight(5)], inliers=check)]
+    TrainingPairs(data, sampler_of(data), KltInliers(), note, 1)[0]
+    assert asked == [not uses_frames and not uses_depth]
+
+
+def test_each_pair_is_augmented_in_its_own_way_by_the_seed():
+    drawn = []
+
+    def note(pair, generator, planar):
+        drawn.append(generator.random())
+        return pair
+
+    data = sources()
+    for seed in (3, 4):
+        pairs = TrainingPairs(data, sampler_of(data, seed), KltInliers(), note, 3)
+        for i in range(3):
+            pairs[i]
+    assert len(set(drawn)) == 6
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5])

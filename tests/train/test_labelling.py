@@ -37,6 +37,19 @@ class Dependent(IndependentCheck):
         return HomographyInliers()(pair, keypoints0, keypoints1, matches)
 
 
+class NextKnown(IndependentCheck):
+    """Each match tells about the points after its own, which may have no match; none is an inlier."""
+
+    protocol = MappingProxyType({"inliers": "next"})
+
+    def __call__(self, pair, keypoints0, keypoints1, matches):
+        known0, known1 = np.zeros(len(keypoints0), np.bool_), np.zeros(len(keypoints1), np.bool_)
+        known0[(matches.index0 + 1) % len(known0)] = True
+        known1[(matches.index1 + 1) % len(known1)] = True
+        far = np.full(len(matches), Reason.FAR, np.uint8)
+        return Inliers(far == Reason.INLIER, far, known0, known1)
+
+
 class HalfKnown(IndependentCheck):
     """Knows the points whose index is even, and those that an inlier match shows."""
 
@@ -84,7 +97,7 @@ def test_labels_by_hand():
     assert sorted(zip(inliers.index0, inliers.index1, strict=True)) == of_inliers
 
 
-@pytest.mark.parametrize("check", [KltInliers(), HomographyInliers(), HalfKnown()])
+@pytest.mark.parametrize("check", [KltInliers(), HomographyInliers(), HalfKnown(), NextKnown()])
 @pytest.mark.parametrize("parts", [2, 3, 500])
 def test_parts_side_by_side_change_nothing(check, parts):
     whole = label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), check)
