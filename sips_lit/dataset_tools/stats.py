@@ -27,8 +27,8 @@ class SequenceStats:
     """Motion and overlap of a sequence of N frames.
 
     ``overlap`` (G, 3): quartiles of the overlap of frames that are ``GAPS`` apart, NaN where no frames are;
-    ``reach_training`` and ``reach_testing`` (N,): later frames with overlap >= `TRAINING` and >= 0.5 of each frame; ``pixels``
-    (S,): median motion of points between neighbours, sampled; ``metres`` and ``degrees`` (N - 1,): motion between
+    ``reach_training`` and ``reach_testing`` (N,): later frames with overlap >= `TRAINING` and >= 0.5 of each frame;
+    ``pixels`` (S,): median motion of points between neighbours, sampled; ``metres`` and ``degrees`` (N - 1,): motion between
     neighbours by the poses; ``spread``: that of its pairs.
     """
 
