@@ -95,6 +95,18 @@ def test_interrupted_is_uninterrupted_in_any_folder(whole, tmp_path, frames, ste
     assert_same_end(tmp_path / folder, auc, whole)
 
 
+def test_averaged_weights_go_on_as_if_not_interrupted(tmp_path, frames):
+    averaged = "callbacks.average={_target_: lightning.pytorch.callbacks.EMAWeightAveraging, decay: 0.7}"
+    auc = run_it(tmp_path / "whole", frames, *STEPS, averaged)
+    last = torch.load(tmp_path / "whole" / "checkpoints" / "last.ckpt", weights_only=True)
+    moved = [name for name, value in last["current_model_state"].items() if not value.equal(last["state_dict"][name])]
+    assert len(moved) > 3  # what is saved to be used is the mean, not where the optimiser is
+    stopped = interrupted(tmp_path / "run", frames, 5, averaged)
+    assert run_it(tmp_path / "again", frames, *STEPS, averaged, f"ckpt_path={stopped}") == auc
+    for name in ("last", "best"):
+        assert_equal_weights(tmp_path / "again", tmp_path / "whole", name)
+
+
 def test_interrupted_twice_each_time_in_another_folder(whole, stopped, tmp_path, frames):
     shutil.copytree(stopped.parents[1], tmp_path / "a")
     second = interrupted(tmp_path / "b", frames, 6, f"ckpt_path={tmp_path}/a/checkpoints/last.ckpt")
