@@ -373,12 +373,9 @@ def test_what_left_the_view_of_a_moving_camera_does_not_come_back():
     assert rows_of(index) == [[50, 50, 50], [70, 50], [70], []]
     assert index.motion_to(0)[:, 0].tolist() == [80, 40, 0]
     # in no order each pair stands for itself
-    assert rows_of(measure_overlap(views(*[(x, 0, 160, 160) for x in (0, 80, 40, 0)]), OverlapParameters())) == [
-        [50, 80, 100],
-        [70, 50],
-        [70],
-        [],
-    ]
+    unordered = measure_overlap(views(*[(x, 0, 160, 160) for x in (0, 80, 40, 0)]), OverlapParameters())
+    assert rows_of(unordered) == [[50, 80, 100], [70, 50], [70], []]
+    assert unordered.motion.tolist() == [[pixels, 0, 0] for pixels in (80, 40, 0, 40, 80, 40)]
 
 
 @pytest.mark.parametrize(("shift", "seen"), [(8, 3), (9, 2), (-7, 3), (-8, 2)])
@@ -417,3 +414,35 @@ def test_new_points_are_on_the_corners_of_the_image():
     for x, y in corners:
         assert np.abs(found - [x + 0.5, y + 0.5]).max(1).min() <= 2
     assert all(min(np.hypot(px - x, py - y) for x, y in corners) < 4 for px, py in found)
+
+
+@pytest.mark.parametrize("flip", [np.fliplr, np.flipud])
+def test_new_points_of_a_mirrored_image_are_mirrored(flip):
+    """A place that is half a pixel off on one side is half a pixel off on the other."""
+    image = texture(96, 128)
+    nothing = np.zeros((0, 2), np.float32)
+    straight, turned = (
+        corners_to_track(np.ascontiguousarray(seen), nothing, OverlapParameters()) for seen in (image, flip(image))
+    )
+    axis = 0 if flip is np.fliplr else 1
+    turned[:, axis] = image.shape[1 - axis] - 1 - turned[:, axis]
+    assert len(straight) > 30
+    assert sorted(turned.tolist()) == sorted(straight.tolist())
+
+
+def test_one_lamp_does_not_hide_the_corners_of_a_dark_image():
+    image = (texture(96, 128) // 8).astype(np.uint8)
+    lit = image.copy()
+    lit[40, 72] = 255  # inside a cell
+    nothing = np.zeros((0, 2), np.float32)
+    dark, bright = ({*map(tuple, corners_to_track(i, nothing, OverlapParameters()).tolist())} for i in (image, lit))
+    apart = {place for place in dark if np.hypot(place[0] - 72, place[1] - 40) > 16}
+    assert len(apart) > 30
+    assert len(apart & bright) >= len(apart) - 2
+
+
+def test_a_part_tells_of_its_own_unreadable_frames_by_their_numbers_in_it():
+    index = index_of([[3, 1], [], [], [2], [], [4], []], unreadable={1: "b", 2: "c", 4: "e", 6: "g"})
+    assert index.part(2, 6).unreadable == {0: "c", 2: "e"}
+    assert index.part(0, 7).unreadable == index.unreadable
+    assert index.part(5, 6).unreadable == {}

@@ -197,6 +197,9 @@ def test_the_motion_is_that_of_the_camera_in_its_own_frame():
     np.testing.assert_allclose(geometry.T_1_0 @ [4, 0, 0, 1], [0, 0, 3, 1], atol=1e-12)
     back = read_pair(Turning(flight(3).frames), 1, 0).geometry
     np.testing.assert_allclose(back.T_1_0 @ [0, 0, 3, 1], [4, 0, 0, 1], atol=1e-12)
+    # neither camera is that of the world: frame 2 looks back along z from (2, 0, 0); (4, 0, -3) is 3 m ahead of both
+    further = read_pair(Turning(flight(3).frames), 1, 2).geometry
+    np.testing.assert_allclose(further.T_1_0 @ [3, 0, 3, 1], [-2, 0, 3, 1], atol=1e-12)
 
 
 def test_each_frame_has_its_own_camera_and_partner():
