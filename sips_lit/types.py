@@ -151,9 +151,14 @@ class Keypoints:
     def __len__(self) -> int:
         return len(self.xy)
 
+    def __getitem__(self, rows: NDArray[Any] | slice) -> Keypoints:
+        """Some of the points, by a mask, by positions or by a slice."""
+        depth = None if self.depth is None else self.depth[rows]
+        return Keypoints(self.xy[rows], self.score[rows], self.scale[rows], depth)
+
     def best(self, n: int) -> Keypoints:
         """The first ``n`` points (all, if there are fewer)."""
-        return Keypoints(self.xy[:n], self.score[:n], self.scale[:n], None if self.depth is None else self.depth[:n])
+        return self[:n]
 
     @staticmethod
     def empty() -> Keypoints:
@@ -173,9 +178,13 @@ class Features:
     def __len__(self) -> int:
         return len(self.keypoints)
 
+    def __getitem__(self, rows: NDArray[Any] | slice) -> Features:
+        """The features of some of the points, by a mask, by positions or by a slice."""
+        return Features(self.keypoints[rows], self.descriptors[rows], self.norm)
+
     def best(self, n: int) -> Features:
         """The features of the first ``n`` points (all, if there are fewer)."""
-        return Features(self.keypoints.best(n), self.descriptors[:n], self.norm)
+        return self[:n]
 
 
 @dataclass(frozen=True, slots=True)

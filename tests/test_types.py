@@ -52,6 +52,26 @@ def test_the_best_are_the_first(n, length):
     assert best.norm == "l2"
 
 
+@pytest.mark.parametrize("depth", [None, np.array([1, np.nan, 3, 4, 5])])
+def test_some_points_with_all_that_belongs_to_them(depth):
+    points = dataclasses.replace(keypoints(np.arange(10).reshape(5, 2)), depth=depth)
+    features = Features(points, np.arange(15, dtype=np.uint8).reshape(5, 3), "hamming")
+    for rows, expected in (([True, False, True, False, False], [0, 2]), ([3, 1], [3, 1]), ([False] * 5, [])):
+        some = features[np.array(rows)]
+        assert len(some) == len(some.keypoints) == len(expected)
+        for name in ("xy", "score", "scale"):
+            np.testing.assert_array_equal(
+                getattr(some.keypoints, name), [getattr(points, name)[i] for i in expected] or getattr(points, name)[:0]
+            )
+        assert (some.keypoints.depth is None) == (depth is None)
+        if depth is not None:
+            np.testing.assert_array_equal(some.keypoints.depth, [depth[i] for i in expected])
+        np.testing.assert_array_equal(
+            some.descriptors, features.descriptors[expected] if expected else np.zeros((0, 3))
+        )
+        assert some.norm == "hamming"
+
+
 def test_no_points_have_the_shapes_of_points():
     none = Keypoints.empty()
     assert len(none) == 0

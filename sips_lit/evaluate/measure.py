@@ -8,6 +8,9 @@ What is odd is defined here, once:
   where the pose has fewer than ``pose_inliers`` inliers.
 - Points without scores have no order: n_k is their number if all of them give k inliers, else infinite, and budgets
   below their number are left out.
+- A point is unknown where the check cannot tell whether it is an inlier: no depth, neither its own nor that of a match. It
+  counts in n_k like any other. Judged n_k counts the judged points alone: of the n_max best of each image the unknown ones
+  are removed, and the rest, in its order, is matched and verified anew.
 - Repeatability and matching score are NaN where points can't be transferred (see `sips_lit.metrics.repeatability`).
 """
 
@@ -29,7 +32,7 @@ from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.geometry.projection import posed_views
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.stereo_p3p import PreparedStereoP3P, StereoP3PInliers
-from sips_lit.inliers.verification import VerifiedPair, verify
+from sips_lit.inliers.verification import VerifiedPair, verify, verify_judged
 from sips_lit.match.mutual_nearest import distances, mutual_nearest_lifetimes
 from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
 from sips_lit.metrics.spread import spread
@@ -74,9 +77,15 @@ def pair_pose(
 
 @dataclass(frozen=True, slots=True)
 class PairMeasurement:
-    """Of a pair: ``n_k`` and pose errors (R, K), inf = failure; per budget; outcomes of points (scores, inlier or not)."""
+    """Of a pair: ``n_k``, of all and of judged points, and pose errors (R, K), inf = failure; per budget; per stage.
+
+    ``unknown`` (): share of the points of both images whose truth is not known. ``outcomes`` of points: scores, inlier or
+    not.
+    """
 
     n_k: FloatArray
+    n_k_judged: FloatArray
+    unknown: FloatArray
     rotation_error: FloatArray
     translation_error: FloatArray
     budgets: Mapping[int, AtBudget]
@@ -102,11 +111,13 @@ def measure_pair(
         lifetimes = mutual_nearest_lifetimes(distances(features0, features1))
     with _timed(milliseconds, "verify"):
         verified = verify(pair, features0, features1, check, m.search, m.repeats, m.seed, lifetimes)
+    with _timed(milliseconds, "metrics"):
+        judged = verify_judged(verified, check, m.n_max, m.search, m.repeats, m.seed)
     pose = None
     if m.pose:
         estimator = StereoP3PInliers(m.pose_threshold, m.iterations, m.seed, stereo)
         pose = pair_pose(pair, features0.keypoints, features1.keypoints, estimator)
-    return measure(verified, pose, m, scores, stereo, milliseconds)
+    return measure(verified, pose, m, scores, stereo, milliseconds, judged)
 
 
 def measure(
@@ -116,27 +127,43 @@ def measure(
     scores: ScoreKind = "order",
     stereo: DisparityMatcher | None = None,
     milliseconds: dict[str, float] | None = None,
+    judged: VerifiedPair | None = None,
 ) -> PairMeasurement:
     """Measures a verified pair. ``pose`` estimates poses (None: they are not measured).
 
-    ``stereo`` finds depth where keypoints bring none and there are no maps; ``milliseconds``: times so far.
+    ``stereo`` finds depth where keypoints bring none and there are no maps; ``milliseconds``: times so far; ``judged``: the
+    pair with its judged points alone (None: all are).
     """
     milliseconds = {} if milliseconds is None else milliseconds
-    ordered, repeats = scores != "none", verified.verifier.repeats
-    n_k = np.full((repeats, len(m.every_k)), math.inf)
+    ordered, judged = scores != "none", judged or verified
     with _timed(milliseconds, "verify"):
-        for repeat in range(repeats):
-            for column, k in enumerate(m.every_k):
-                needed = verified.points_needed(k, m.n_max, repeat, ordered)
-                n_k[repeat, column] = math.inf if needed is None else needed
+        n_k = _points_needed(verified, m, ordered)
     with _timed(milliseconds, "metrics"):
+        n_k_judged = n_k if judged is verified else _points_needed(judged, m, ordered)
         rotation, translation = _errors_at(n_k, verified, pose)
         keypoints = verified.features0.keypoints, verified.features1.keypoints
         moved = move_points(verified.pair, *keypoints, stereo or StereoMatcher())
         points = max(map(len, keypoints))
         budgets = {n: _at_budget(verified, pose, moved, n, m) for n in m.every_n if ordered or n >= points}
         outcomes = {n: verified.outcomes(n) for n in m.calibration} if scores == "probability" else {}
-    return PairMeasurement(n_k, rotation, translation, budgets, outcomes, milliseconds)
+    unknown = _unknown_share(verified, judged, m.n_max)
+    return PairMeasurement(n_k, n_k_judged, unknown, rotation, translation, budgets, outcomes, milliseconds)
+
+
+def _points_needed(verified: VerifiedPair, m: Measures, ordered: bool) -> FloatArray:
+    """n_k (R, K), infinite for a failure."""
+    n_k = np.full((verified.verifier.repeats, len(m.every_k)), math.inf)
+    for repeat in range(len(n_k)):
+        for column, k in enumerate(m.every_k):
+            needed = verified.points_needed(k, m.n_max, repeat, ordered)
+            n_k[repeat, column] = math.inf if needed is None else needed
+    return n_k
+
+
+def _unknown_share(verified: VerifiedPair, judged: VerifiedPair, n: int) -> FloatArray:
+    """Share (), of the ``n`` best points of both images, that is not judged; NaN without points."""
+    points, known = (sum(min(len(f), n) for f in (v.features0, v.features1)) for v in (verified, judged))
+    return np.array(1 - known / points if points else math.nan)
 
 
 def _errors_at(n_k: FloatArray, verified: VerifiedPair, pose: PairPose | None) -> tuple[FloatArray, FloatArray]:

@@ -78,11 +78,13 @@ class AtBudget:
 class MethodResult:
     """One detector with one descriptor on one pair set.
 
-    ``n_k`` (P, R, K): points needed for each k of ``ks``, inf = failure; ``rotation_error`` and ``translation_error``
-    (P, R, K): of the pose from the matches at n_k. ``points0`` and ``points1`` (P,): points found when ``n_max`` were asked
-    for. ``budgets``: by n. ``calibration``: by n, for detectors whose scores are probabilities. ``milliseconds``: mean time
-    of each stage (detect, describe and depth: per image, when its features were made; match, verify, metrics: per pair).
-    ``defects``: counts of what was wrong with the detector's output. ``protocol``: how all this was obtained.
+    ``n_k`` (P, R, K): points needed for each k of ``ks``, inf = failure; ``n_k_judged`` (P, R, K): the same of the points
+    alone whose truth is known; ``unknown`` (P,): share of the others, NaN without points. ``rotation_error`` and
+    ``translation_error`` (P, R, K): of the pose from the matches at n_k. ``points0`` and ``points1`` (P,): points found when
+    ``n_max`` were asked for. ``budgets``: by n. ``calibration``: by n, for detectors whose scores are probabilities.
+    ``milliseconds``: mean time of each stage (detect, describe and depth: per image, when its features were made; match,
+    verify, metrics: per pair). ``defects``: counts of what was wrong with the detector's output. ``protocol``: how all this
+    was obtained.
     """
 
     key: str
@@ -92,6 +94,8 @@ class MethodResult:
     ks: tuple[int, ...]
     n_max: int
     n_k: FloatArray
+    n_k_judged: FloatArray
+    unknown: FloatArray
     rotation_error: FloatArray
     translation_error: FloatArray
     points0: IntArray

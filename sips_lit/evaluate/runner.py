@@ -159,9 +159,8 @@ def summarise(
     """What was measured of all pairs as one record."""
     points0 = [len(features[p.sequence, p.index0].features) for p in pairs.listed]
     points1 = [len(features[p.sequence, p.index1].features) for p in pairs.listed]
-    stacked = {
-        name: np.stack([getattr(m, name) for m in measured]) for name in ("n_k", "rotation_error", "translation_error")
-    }
+    names = ("n_k", "n_k_judged", "unknown", "rotation_error", "translation_error")
+    stacked = {name: np.stack([getattr(m, name) for m in measured]) for name in names}
     return MethodResult(
         key=method.key,
         name=method.name,

@@ -82,3 +82,28 @@ def verify(
     else:
         verifier = SearchVerifier(lifetimes, prepared, 1 if check.independent else repeats, seed)
     return VerifiedPair(pair, features0, features1, verifier)
+
+
+def judged_points(verified: VerifiedPair, check: InlierCheck, n: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which of the ``n`` best points of both images are known, by themselves or by a match at any budget up to n."""
+    at_n = verified.at(n).inliers
+    if at_n.known0.all() and at_n.known1.all():
+        return at_n.known0, at_n.known1
+    best0, best1 = (features.keypoints.best(n) for features in (verified.features0, verified.features1))
+    lifetimes = verified.verifier.lifetimes
+    inliers = check.prepare(verified.pair, best0, best1)(lifetimes[lifetimes.first <= n].matches)
+    return inliers.known0, inliers.known1
+
+
+def verify_judged(
+    verified: VerifiedPair, check: InlierCheck, n: int, search: Search = "auto", repeats: int = 1, seed: int = 0
+) -> VerifiedPair:
+    """The pair with the `judged_points` of the ``n`` best alone, matched and verified anew; as it is if all are known.
+
+    ``check``, ``search``, ``repeats`` and ``seed``: those of `verify`, which raises what this raises.
+    """
+    known0, known1 = judged_points(verified, check, n)
+    if known0.all() and known1.all():
+        return verified
+    judged0, judged1 = verified.features0.best(n)[known0], verified.features1.best(n)[known1]
+    return verify(verified.pair, judged0, judged1, check, search, repeats, seed)

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from sips_lit.evaluate.result import AtBudget, FloatArray, MethodResult
+from sips_lit.metrics.succinctness import SuccinctnessResult
 from sips_lit.report.summary import (
     error_auc,
     known_mean,
@@ -19,6 +20,7 @@ from sips_lit.report.summary import (
     over_repeats_deviation,
     pose_limits,
     succinctness,
+    unknown_share,
     without_pose,
 )
 
@@ -60,6 +62,8 @@ def columns_of(methods: Sequence[MethodResult]) -> list[Column]:
     stages = sorted(timed, key=lambda stage: (_STAGES.index(stage) if stage in _STAGES else len(_STAGES), stage))
     budgets = sorted({n for method in methods for n in method.calibration})
     columns = [*_succinctness(main_k(first), first.n_max)]
+    if any(unknown_share(method) > 0 for method in methods):
+        columns += _judged(main_k(first), first.n_max)
     columns += [] if n is None else [*_pose(n, *pose_limits(first)), *_at_n(n)]
     columns += [*map(_ece, budgets), _points(first.n_max), *map(_stage, stages)]
     return [column for column in columns if not all(math.isnan(column.value(method)) for method in methods)]
@@ -87,10 +91,11 @@ def text_of(value: float, digits: int) -> str:
     return "never" if math.isinf(value) else f"{value:.{digits}f}"
 
 
-def _succinctness(k: int, n_max: int) -> Iterator[Column]:
-    def reached(n: int | None) -> float:
-        return math.inf if n is None else n
+def _reached(n: int | None) -> float:
+    return math.inf if n is None else n
 
+
+def _succinctness(k: int, n_max: int) -> Iterator[Column]:
     def mean_n(method: MethodResult) -> float:
         needed = needed_points(method, k)
         return known_mean(needed[needed <= n_max])
@@ -102,9 +107,9 @@ def _succinctness(k: int, n_max: int) -> Iterator[Column]:
         return float(succinctness(method, k).failures / max(method.n_k.shape[1], 1))
 
     definition = f"The fewest points per image with which 80 % of the pairs have {k} inliers."
-    yield Column("n_at_80", "n at 80 %", definition, 0, -1, lambda method: reached(succinctness(method, k).n_at_80))
+    yield Column("n_at_80", "n at 80 %", definition, 0, -1, lambda method: _reached(succinctness(method, k).n_at_80))
     definition = f"The fewest points per image with which half of the pairs have {k} inliers."
-    yield Column("median_n", "median n", definition, 0, -1, lambda method: reached(succinctness(method, k).median))
+    yield Column("median_n", "median n", definition, 0, -1, lambda method: _reached(succinctness(method, k).median))
     definition = (
         f"Mean of n_{k} over the pairs that get {k} inliers; read it together with the failures, which it leaves out."
     )
@@ -117,6 +122,26 @@ def _succinctness(k: int, n_max: int) -> Iterator[Column]:
     yield Column("auc", f"AUC-{n_max}", definition, 3, 1, lambda method: succinctness(method, k).auc, auc_deviation)
     definition = f"Pairs without {k} inliers at any n up to {n_max}; the mean over the repeats."
     yield Column("failures", "failures", definition, 1, -1, failures, count=True)
+
+
+def _judged(k: int, n_max: int) -> Iterator[Column]:
+    """Columns of pair sets where the truth about some points is not known."""
+
+    def of(method: MethodResult, repeat: int | None = None) -> SuccinctnessResult:
+        return succinctness(method, k, repeat, judged=True)
+
+    def auc_deviation(method: MethodResult) -> float:
+        return over_repeats_deviation([of(method, repeat).auc for repeat in range(method.n_k_judged.shape[1])])
+
+    definition = (
+        f"The same as n at 80 %, counting judged points only: of the {n_max} best points of each image those whose truth is "
+        "not known (no depth, neither their own nor that of a match) are removed, and the rest is matched and verified anew."
+    )
+    yield Column("n_at_80_judged", "n at 80 %, judged", definition, 0, -1, lambda method: _reached(of(method).n_at_80))
+    definition = f"The same as AUC-{n_max}, counting judged points only."
+    yield Column("auc_judged", f"AUC-{n_max}, judged", definition, 3, 1, lambda method: of(method).auc, auc_deviation)
+    definition = f"Share of the {n_max} best points of both images whose truth is not known; the mean over the pairs."
+    yield Column("unknown", "truth unknown", definition, 3, 0, unknown_share)
 
 
 def _pose(n: int, metres: float, degrees: float) -> Iterator[Column]:

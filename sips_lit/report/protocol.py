@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.report.stored import plain
-from sips_lit.report.summary import apart, main_budget, main_k
+from sips_lit.report.summary import apart, main_budget, main_k, unknown_share
 
 _WORDS = {
     "n_max": "most points per image, n_max",
@@ -82,6 +83,13 @@ def _sentences(result: PairSetResult, shared: Mapping[str, Any]) -> Iterator[str
         )
     yield f"{'Each' if several else 'The'} detector was asked for at least its {first.n_max} best points per image."
     yield "n_k is the smallest number of points per image that gives k inliers."
+    shares = [share for method in result.detectors if not math.isnan(share := unknown_share(method))]
+    if any(shares):
+        between = dict.fromkeys(f"{100 * share:.1f} %" for share in (min(shares), max(shares)))
+        yield (
+            f"The truth about {' to '.join(between)} of the points (mean over the pairs) is not known: n_k counts these, "
+            "judged n_k does not."
+        )
     for check in verifications(shared):
         yield "Verification: " + ", ".join(f"{key.replace('_', ' ')} {value}" for key, value in check.items()) + "."
     repeats = first.n_k.shape[1]

@@ -31,9 +31,15 @@ def at_main_budget(results: Sequence[MethodResult]) -> dict[str, AtBudget]:
     return {} if n is None else {result.name: result.budgets[n] for result in results if n in result.budgets}
 
 
-def needed_points(result: MethodResult, k: int) -> FloatArray:
-    """n_k (P, R) of each pair and repeat; inf where it failed."""
-    return result.n_k[:, :, result.ks.index(k)]
+def needed_points(result: MethodResult, k: int, judged: bool = False) -> FloatArray:
+    """n_k (P, R) of each pair and repeat, of all points or of the ``judged`` ones alone; inf where it failed."""
+    n_k = result.n_k_judged if judged else result.n_k
+    return n_k[:, :, result.ks.index(k)]
+
+
+def unknown_share(result: MethodResult) -> float:
+    """Mean share of the points of a pair whose truth is not known; NaN without any points."""
+    return known_mean(result.unknown)
 
 
 def pose_limits(result: MethodResult) -> tuple[float, float]:
@@ -42,9 +48,9 @@ def pose_limits(result: MethodResult) -> tuple[float, float]:
     return float(translation), float(rotation)
 
 
-def succinctness(result: MethodResult, k: int, repeat: int | None = None) -> SuccinctnessResult:
-    """Succinctness for one of ``result.ks``, of one repeat or of all of them pooled."""
-    needed = needed_points(result, k)
+def succinctness(result: MethodResult, k: int, repeat: int | None = None, judged: bool = False) -> SuccinctnessResult:
+    """Succinctness for one of ``result.ks``, of one repeat or of all of them pooled; ``judged``: see `needed_points`."""
+    needed = needed_points(result, k, judged)
     chosen = needed if repeat is None else needed[:, [repeat]]
     counts = histogram([int(n) if np.isfinite(n) else None for n in chosen.ravel()], result.n_max)
     return summarise(counts, k)
@@ -66,9 +72,9 @@ def error_curve(errors: NDArray[Any], limit: float) -> tuple[FloatArray, FloatAr
     return x, y
 
 
-def median_needed(result: MethodResult, k: int) -> FloatArray:
-    """n_k (P,) of each pair, the median over the repeats; inf where it failed."""
-    return over_repeats(needed_points(result, k))
+def median_needed(result: MethodResult, k: int, judged: bool = False) -> FloatArray:
+    """`needed_points` (P,) of each pair, the median over the repeats; inf where it failed."""
+    return over_repeats(needed_points(result, k, judged))
 
 
 def over_repeats(values: FloatArray) -> FloatArray:

@@ -64,13 +64,14 @@ def paper_columns(method: MethodResult, known: Columns) -> Columns:
 
 
 def all_columns(method: MethodResult) -> Columns:
-    """Everything that is known of each pair: n_k and pose errors for every k, and the counts at every budget."""
+    """Everything that is known of each pair: both n_k and pose errors for every k, and the counts at every budget."""
     table = method.pairs
     named: Columns = {"name": table.name, "overlap": table.overlap, "gap": table.gap, "pixels": table.pixels}
     named |= {"dR": table.rotation, "dt": table.translation}
-    named |= {"points0": method.points0, "points1": method.points1}
+    named |= {"points0": method.points0, "points1": method.points1, "unknown": method.unknown}
     for index, k in enumerate(method.ks):
         named[f"n_{k}"] = median_needed(method, k)
+        named[f"n_{k}_judged"] = median_needed(method, k, judged=True)
         named[f"eR_{k}"] = over_repeats(method.rotation_error[:, :, index])
         named[f"et_{k}"] = over_repeats(method.translation_error[:, :, index])
     for n, budget in sorted(method.budgets.items()):

@@ -67,6 +67,25 @@ def test_points_needed():
     np.testing.assert_array_equal(of(VERIFIER).n_k, [[1, 3], [2, math.inf]])
 
 
+def test_judged_points():
+    """Half of the points of image 0 and three quarters of those of image 1 are; what needs the others is as ever."""
+    m = Measures(k=1, ks=(2,), n_max=10, n=3, budgets=(4,), repeats=2)
+    judged = VerifiedPair(PAIR, POINTS0.best(2), POINTS1.best(3), Known({(1, 0): 1, (2, 0): 2, (1, 1): 2, (2, 1): 3}))
+    measured = measure(VerifiedPair(PAIR, POINTS0, POINTS1, VERIFIER), Pose(), m, judged=judged)
+    np.testing.assert_array_equal(measured.n_k_judged, [[1, 2], [2, 3]])
+    assert measured.unknown == 3 / 8
+    all_judged = measure(VerifiedPair(PAIR, POINTS0, POINTS1, VERIFIER), Pose(), m)
+    np.testing.assert_array_equal(all_judged.n_k_judged, all_judged.n_k)
+    assert all_judged.unknown == 0
+    np.testing.assert_array_equal(measured.n_k, all_judged.n_k)
+    np.testing.assert_array_equal(measured.rotation_error, all_judged.rotation_error)
+    for n in (3, 4):
+        assert measured.budgets[n].inliers.tolist() == all_judged.budgets[n].inliers.tolist()
+    # of the two best of each image, two and two are judged
+    few = measure(VerifiedPair(PAIR, POINTS0, POINTS1, VERIFIER), None, Measures(k=1, n=2, n_max=2), judged=judged)
+    assert few.unknown == 0
+
+
 def test_points_without_scores_are_all_or_nothing():
     m = Measures(k=1, ks=(2, 3), n_max=10, n=3, budgets=(4, 7), repeats=2)
     measured = measure(VerifiedPair(PAIR, POINTS0, POINTS1, VERIFIER), None, m, "none")

@@ -20,6 +20,7 @@ from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
 from sips_lit.pairs.sampler import read_pair
+from sips_lit.types import Features, Keypoints
 
 M = Measures(k=10, ks=(5,), n_max=80, n=50, budgets=(20,), repeats=3, iterations=100)
 
@@ -96,6 +97,8 @@ def test_images_without_points():
     for check in (PoseDepthInliers(), StereoP3PInliers(), KltInliers()):
         measured = measure_pair(pair, *both, check, M)
         assert np.isinf(measured.n_k).all()
+        assert np.isinf(measured.n_k_judged).all()
+        assert math.isnan(measured.unknown)
         assert np.isinf(measured.translation_error).all()
         at = measured.budgets[50]
         assert (at.matches, at.spread, at.repeatability) == (0, 0, 0)
@@ -121,6 +124,55 @@ def test_no_depth_anywhere():
         assert np.isinf(measured.n_k).all()
         assert np.isinf(measured.budgets[50].translation_error).all()
         assert math.isnan(measured.budgets[50].repeatability)
+        assert np.isinf(measured.n_k_judged).all()
+        assert measured.unknown == 1
+
+
+def half_known(pair):
+    """Depth maps that lack the left part in image 0, and so in image 1 another part of the wall."""
+    depth0, depth1 = pair.geometry.depth0.copy(), pair.geometry.depth1.copy()
+    depth0[:, :60] = depth1[:, :60] = np.nan
+    return dataclasses.replace(pair, geometry=dataclasses.replace(pair.geometry, depth0=depth0, depth1=depth1))
+
+
+@pytest.mark.parametrize("check", [PoseDepthInliers(), StereoP3PInliers()], ids=["pose_depth", "stereo_p3p"])
+@pytest.mark.parametrize("scores", ["order", "probability", "none"])
+def test_unknown_points_are_left_out_of_judged_n_k_alone(check, scores):
+    """More points than n_max are given: those of probabilities beyond it count in calibration only."""
+    pair = half_known(read_pair(Wall(6), 0, 2))
+    m = dataclasses.replace(M, n_max=60)
+    both = points(pair)
+    measured = measure_pair(pair, *both, check, m, scores)
+    judged = []
+    best = [features.best(60) for features in both]
+    matches = [mutual_nearest(distances(*(f.best(n) for f in best))) for n in range(61)]
+    prepared = check.prepare(pair, *(f.keypoints for f in best))
+    answers = [prepared(of_n) for of_n in matches]
+    for side, features in zip(("known0", "known1"), best, strict=True):
+        known = np.any([getattr(answer, side) for answer in answers], axis=0)
+        judged.append(
+            Features(
+                Keypoints(*(getattr(features.keypoints, name)[known] for name in ("xy", "score", "scale"))),
+                features.descriptors[known],
+                "l2",
+            )
+        )
+    expected = measure_pair(pair, *judged, check, m, scores)
+    np.testing.assert_array_equal(measured.n_k_judged, expected.n_k)
+    assert measured.unknown == 1 - sum(map(len, judged)) / 120
+    assert 0.1 < measured.unknown < 0.5
+    if scores == "order":
+        assert np.isfinite(measured.n_k).all()
+        assert (measured.n_k_judged < measured.n_k).all()
+    assert set(measured.milliseconds) == {"match", "verify", "metrics"}
+
+
+def test_all_n_k_are_one_where_everything_is_known():
+    pair = read_pair(Wall(6), 0, 2)
+    for check in (PoseDepthInliers(), StereoP3PInliers(), KltInliers()):
+        measured = measure_pair(pair, *points(pair), check, M, "probability")
+        np.testing.assert_array_equal(measured.n_k_judged, measured.n_k)
+        assert measured.unknown == 0
 
 
 def test_planar_scenes():

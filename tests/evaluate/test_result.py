@@ -9,6 +9,8 @@ from sips_lit.evaluate.result import PairTable, PoseOutcome
 P, R, K = 6, 1, 2  # pairs, repeats of a verification that is not random, values of k
 SHAPES = {
     "n_k": (P, R, K),
+    "n_k_judged": (P, R, K),
+    "unknown": (P,),
     "rotation_error": (P, R, K),
     "translation_error": (P, R, K),
     "points0": (P,),

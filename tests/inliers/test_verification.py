@@ -7,7 +7,8 @@ from textured_scenes import keypoints
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.independent import IndependentCheck
-from sips_lit.inliers.verification import verify
+from sips_lit.inliers.point_labels import symmetric
+from sips_lit.inliers.verification import judged_points, verify, verify_judged
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
 from sips_lit.types import Features, FramePair, Matches, Reason
 
@@ -186,3 +187,104 @@ def test_all_matches_are_verified_at_once_where_that_is_possible():
     assert [verified.points_needed(k, 40) for k in (2, 5, 9)]
     assert [len(verified.at(n).matches) for n in (5, 10, 20)]
     assert len(calls) == 1
+
+
+class Patchy(IndependentCheck):
+    """Knows the depth of the points of some places; a match is judged if it does of one of its points."""
+
+    protocol = HomographyInliers().protocol
+
+    def __init__(self, share: float, independent: bool = True) -> None:
+        self.share, self.independent, self.calls = share, independent, 0
+
+    def __call__(self, pair, keypoints0, keypoints1, matches):
+        self.calls += 1
+        reason = HomographyInliers()(pair, keypoints0, keypoints1, matches).reason
+        has0, has1 = (np.sin(1e3 * k.xy[:, 0]) ** 2 < self.share for k in (keypoints0, keypoints1))
+        forward = np.where(has0[matches.index0], reason, Reason.UNKNOWN).astype(np.uint8)
+        backward = np.where(has1[matches.index1], reason, Reason.UNKNOWN).astype(np.uint8)
+        return symmetric(forward, backward, matches, has0, has1)
+
+
+def checked(best0: Features, best1: Features, check: Patchy):
+    matches = mutual_nearest(distances(best0, best1))
+    return check(PAIR, best0.keypoints, best1.keypoints, matches)
+
+
+def known_one_by_one(both: tuple[Features, Features], check: Patchy, n: int) -> list[list[int]]:
+    """The points of each image that the check knows at any budget up to n, cropped, matched and checked anew."""
+    known: list[set[int]] = [set(), set()]
+    for budget in range(n + 1):
+        inliers = checked(*(f.best(budget) for f in both), check)
+        known[0].update(np.flatnonzero(inliers.known0).tolist())
+        known[1].update(np.flatnonzero(inliers.known1).tolist())
+    return [sorted(points) for points in known]
+
+
+def inliers_among(both: tuple[Features, Features], known: list[list[int]], check: Patchy, n: int) -> int:
+    """Of the n best of the known points, which alone are matched."""
+    rest = [
+        Features(keypoints(f.keypoints.xy[k[:n]], f.keypoints.score[k[:n]]), f.descriptors[k[:n]], "l2")
+        for f, k in zip(both, known, strict=True)
+    ]
+    return int(checked(*rest, check).inlier.sum())
+
+
+@pytest.mark.parametrize(("n0", "n1"), SIZES)
+@pytest.mark.parametrize("share", [0.2, 0.6])
+@pytest.mark.parametrize("n_max", [30, 50])  # fewer than there are points, and more
+def test_judged_points_as_if_there_were_no_others(n0, n1, share, n_max):
+    both, check = features(n0, n1, 2), Patchy(share)
+    verified = verify(PAIR, *both, check)
+    known = known_one_by_one(both, check, n_max)
+    assert [np.flatnonzero(side).tolist() for side in judged_points(verified, check, n_max)] == known
+    counts = [inliers_among(both, known, check, n) for n in range(n_max + 1)]
+    judged = verify_judged(verified, check, n_max)
+    for k in range(1, 16):
+        expected = next((n for n, count in enumerate(counts) if count >= k), None)
+        assert judged.points_needed(k, n_max) == expected
+        together = max(map(len, known)) if counts[-1] >= k else None
+        assert judged.points_needed(k, n_max, ordered=False) == together
+    if n0 == n1 == 40:
+        assert counts[-1] > 1
+        assert all(0 < len(points) < min(n_max, 40) for points in known)
+
+
+def test_points_are_judged_through_their_matches():
+    """Those of the examples above: some have no depth of their own."""
+    both, check = features(40, 40, 2), Patchy(0.2)
+    alone = check(PAIR, both[0].keypoints, both[1].keypoints, Matches(*np.zeros((2, 0), np.int64)))
+    known0, known1 = judged_points(verify(PAIR, *both, check), check, 40)
+    assert (known0 >= alone.known0).all()
+    assert known0.sum() > alone.known0.sum()
+    assert known1.sum() > alone.known1.sum()
+
+
+@pytest.mark.parametrize("k", [2, 5])
+def test_judged_points_searched_by_halving(k):
+    both, check = features(40, 40, 2), Patchy(0.6, independent=False)
+    known = known_one_by_one(both, check, 40)
+    judged = verify_judged(verify(PAIR, *both, check, repeats=3), check, 40, repeats=3)
+    assert judged.verifier.repeats == 3
+    found = judged.points_needed(k, 40)
+    assert found is not None
+    assert inliers_among(both, known, check, found) >= k
+    assert found == k or inliers_among(both, known, check, found - 1) < k
+
+
+@pytest.mark.parametrize("independent", [True, False])
+def test_where_everything_is_known_nothing_is_verified_again(independent):
+    both, check = features(40, 40, 0), Patchy(1.1, independent)
+    verified = verify(PAIR, *both, check)
+    assert verified.points_needed(5, 40) is not None
+    calls = check.calls
+    assert verify_judged(verified, check, 40) is verified
+    assert check.calls == calls
+
+
+@pytest.mark.parametrize("independent", [True, False])
+def test_where_nothing_is_known_no_point_is_left(independent):
+    both, check = features(40, 40, 0), Patchy(-1, independent)
+    judged = verify_judged(verify(PAIR, *both, check), check, 40)
+    assert (len(judged.features0), len(judged.features1)) == (0, 0)
+    assert judged.points_needed(1, 40) is None

@@ -43,6 +43,25 @@ def test_limits_of_the_pose_auc_are_the_protocols(result):
     assert titles["pose_auc_0.5m"] == "pose AUC-0.5 m at 50"
 
 
+def test_judged_points_have_columns_where_something_is_unknown(result):
+    keys = {"n_at_80_judged", "auc_judged", "unknown"}
+    n_k_judged = np.maximum(result.n_k - 7, 10)
+    some = replace(result, unknown=np.linspace(0, 0.5, 30), n_k_judged=n_k_judged)
+    nobody = replace(result, unknown=np.full(30, np.nan))
+    row, needed = Row(some), n_k_judged[:, :, result.ks.index(10)]
+    gained = np.clip(1 - needed / 200, 0, 1)
+    assert row["auc_judged"] == pytest.approx(gained.mean())
+    assert row["auc_judged"] > row["auc"] == auc_of(result)
+    assert row.deviations["auc_judged"] == pytest.approx(gained.mean(axis=0).std(ddof=1))
+    assert row["n_at_80_judged"] == next(n for n in range(201) if np.mean(needed <= n) >= 0.8)
+    assert row["unknown"] == pytest.approx(0.25)
+    for methods in ([result], [nobody], [nobody, result]):
+        assert not keys & {column.key for column in columns_of(methods)}
+    for methods in ([some, result], [result, nobody, some]):  # of all methods, to compare them
+        of_all = {column.key: column.value(result) for column in columns_of(methods) if column.key in keys}
+        assert of_all == {"n_at_80_judged": Row(result)["n_at_80"], "auc_judged": auc_of(result), "unknown": 0}
+
+
 def test_a_detector_that_always_fails():
     failed = detector_result("bad + RootSIFT", pair_table(np.random.default_rng(0), 5), quality=-1e9)
     assert np.isinf(failed.n_k).all()

@@ -32,6 +32,9 @@ COLUMNS = {
     "mean_n": ("mean n to 7 inliers", 1, -1),
     "auc": ("AUC-90", 3, 1),
     "failures": ("failures", 1, -1),
+    "n_at_80_judged": ("n at 80 %, judged", 0, -1),
+    "auc_judged": ("AUC-90, judged", 3, 1),
+    "unknown": ("truth unknown", 3, 0),
     "pose_auc_0.5m": ("pose AUC-0.5 m at 60", 3, 1),
     "pose_auc_2deg": ("pose AUC-2° at 60", 3, 1),
     "no_pose": ("no pose at 60", 1, -1),
@@ -88,7 +91,7 @@ def test_no_two_numbers_are_equal(result):
     everything = all_numbers(result)
     assert len(set(everything)) == len(everything) > 600
     for method in result.detectors:
-        for needed in np.moveaxis(method.n_k, 2, 0):
+        for needed in (*np.moveaxis(method.n_k, 2, 0), *np.moveaxis(method.n_k_judged, 2, 0)):
             finite = needed[np.isfinite(needed)]
             assert len(np.unique(finite)) == finite.size < needed.size
     for rows in (numbers, deviations):
@@ -129,8 +132,10 @@ def test_all_csv(result, folder):
             expected = {key: getattr(method.pairs, key)[pair] for key in ("name", "overlap", "gap", "pixels")}
             expected |= {"dR": method.pairs.rotation[pair], "dt": method.pairs.translation[pair]}
             expected |= {"points0": method.points0[pair], "points1": method.points1[pair]}
+            expected["unknown"] = method.unknown[pair]
             for at_k, k in enumerate(KS):
                 expected[f"n_{k}"] = middle(method.n_k[:, :, at_k], pair)
+                expected[f"n_{k}_judged"] = middle(method.n_k_judged[:, :, at_k], pair)
                 expected[f"eR_{k}"] = middle(method.rotation_error[:, :, at_k], pair)
                 expected[f"et_{k}"] = middle(method.translation_error[:, :, at_k], pair)
             for n in BUDGETS:
@@ -170,7 +175,8 @@ def test_results_json(result, folder):
     for found, method in zip(methods, result.detectors, strict=True):
         expected = {"key": method.key, "name": method.name, "protocol": method.protocol, "n_max": N_MAX}
         expected |= {"milliseconds": method.milliseconds, "defects": method.defects}
-        for field in ("ks", "n_k", "rotation_error", "translation_error", "points0", "points1"):
+        fields = ("ks", "n_k", "n_k_judged", "unknown", "rotation_error", "translation_error", "points0", "points1")
+        for field in fields:
             expected[field] = in_json(getattr(method, field))
         pairs = ("name", "overlap", "gap", "pixels", "rotation", "translation")
         expected["pairs"] = {field: in_json(getattr(method.pairs, field)) for field in pairs}

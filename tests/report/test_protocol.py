@@ -77,6 +77,8 @@ def test_sentences_for_several_methods():
         "The median pair is 3 frames, 24.5 px, 1.48 m, 19.3 degrees apart. "
         "Each detector was asked for at least its 90 best points per image. "
         "n_k is the smallest number of points per image that gives k inliers. "
+        "The truth about 53.9 % to 57.1 % of the points (mean over the pairs) is not known: "
+        "n_k counts these, judged n_k does not. "
         "Verification: inliers stereo_p3p, threshold 2.5. "
         "The verification is random and was repeated 4 times with other seeds. Numbers are means over the repeats. "
         "Tables and curves are for k = 7 and, where points are limited, for the 60 best of each image."
@@ -86,7 +88,7 @@ def test_sentences_for_several_methods():
 def test_sentences_for_one_method_measured_once():
     result = golden()
     first = result.detectors[0]
-    once = replace(first, n_k=first.n_k[:, :1], budgets={}, protocol={"k": 4, "seed": 8})
+    once = replace(first, n_k=first.n_k[:, :1], unknown=np.zeros(6), budgets={}, protocol={"k": 4, "seed": 8})
     protocol = {"left_out": ["a:1-2"], "kind": "first_to_others"}
     words = protocol_sentences(replace(result, protocol=protocol, detectors=(once,)))
     assert words == (
@@ -95,6 +97,17 @@ def test_sentences_for_one_method_measured_once():
         "The detector was asked for at least its 90 best points per image. "
         "n_k is the smallest number of points per image that gives k inliers. Tables and curves are for k = 4."
     )
+
+
+def test_the_share_of_unknown_points():
+    def said(*shares):
+        methods = [replace(golden().detectors[0], unknown=np.array(of_pairs)) for of_pairs in shares]
+        words = protocol_sentences(replace(golden(), detectors=tuple(methods)))
+        return words.partition("The truth about ")[2].partition(" of the points")[0]
+
+    assert said([0.25, 0.5, np.nan]) == said([0.375] * 3, [0.3754] * 3) == "37.5 %"
+    assert said([0.25] * 3, [0.0] * 3, [np.nan] * 3) == "0.0 % to 25.0 %"
+    assert said([0.0] * 3) == said([np.nan] * 3) == ""
 
 
 def test_nothing_was_measured():

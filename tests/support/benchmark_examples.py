@@ -97,6 +97,8 @@ def detector_result(
         KS,
         n_max,
         n_k,
+        n_k,
+        np.zeros(pairs),
         errors * 0.8,
         errors,
         generator.integers(150, n_max + 1, pairs),

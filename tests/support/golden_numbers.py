@@ -38,6 +38,7 @@ def mean(values):
 def numbers(method):
     """Every number of the row of a method, by the key of its column."""
     needed, at = method.n_k[:, :, KS.index(K)], method.budgets[N]
+    judged = method.n_k_judged[:, :, KS.index(K)]
     known = [kind for kind in at.outcome.ravel() if kind != PoseOutcome.UNKNOWN]
     row = {
         "n_at_80": first_with(column(needed), 0.8),
@@ -45,6 +46,9 @@ def numbers(method):
         "mean_n": mean(x for x in column(needed) if x < math.inf),
         "auc": area(column(needed)),
         "failures": column(needed).count(math.inf) / REPEATS,
+        "n_at_80_judged": first_with(column(judged), 0.8),
+        "auc_judged": area(column(judged)),
+        "unknown": mean(column(method.unknown)),
         "pose_auc_0.5m": pose_area(column(at.translation_error), METRES),
         "pose_auc_2deg": pose_area(column(at.rotation_error), DEGREES),
         "no_pose": sum(kind != PoseOutcome.FOUND for kind in known) / REPEATS,
@@ -61,8 +65,10 @@ def numbers(method):
 def deviations(method):
     """Standard deviations over the repeats, by the key of the column."""
     needed, at = method.n_k[:, :, KS.index(K)], method.budgets[N]
+    judged = method.n_k_judged[:, :, KS.index(K)]
     return {
         "auc": statistics.stdev(area(column(needed, r)) for r in range(REPEATS)),
+        "auc_judged": statistics.stdev(area(column(judged, r)) for r in range(REPEATS)),
         "pose_auc_0.5m": statistics.stdev(pose_area(column(at.translation_error, r), METRES) for r in range(REPEATS)),
         "pose_auc_2deg": statistics.stdev(pose_area(column(at.rotation_error, r), DEGREES) for r in range(REPEATS)),
     }

@@ -71,11 +71,16 @@ def calibration(fresh: Fresh) -> CalibrationResult:
     )
 
 
-def method(fresh: Fresh, key: str, name: str, table: PairTable, turn: int, probabilities: bool) -> MethodResult:
-    """n_k of each k are different numbers in [1, N_MAX]; a few are failures."""
-    n_k = np.stack([np.random.default_rng(10 * turn + k).permutation(N_MAX)[: PAIRS * REPEATS] + 1.0 for k in KS], -1)
+def points_needed(seed: int, failures: int) -> np.ndarray:
+    n_k = np.stack([np.random.default_rng(seed + k).permutation(N_MAX)[: PAIRS * REPEATS] + 1.0 for k in KS], -1)
     n_k = n_k.reshape(PAIRS, REPEATS, len(KS))
-    n_k[2, : 1 + 3 * turn] = np.inf  # of one pair, in one repeat or in all
+    n_k[2, :failures] = np.inf  # of one pair, in some repeats or in all
+    return n_k
+
+
+def method(fresh: Fresh, key: str, name: str, table: PairTable, turn: int, probabilities: bool) -> MethodResult:
+    """n_k of each k are different numbers in [1, N_MAX]; a few are failures. Judged ones are others."""
+    n_k, n_k_judged = points_needed(10 * turn, 1 + 3 * turn), points_needed(10 * turn + 100, 2 + turn)
     rotation_error = fresh.floats(PAIRS, REPEATS, len(KS), scale=3)
     translation_error = fresh.floats(PAIRS, REPEATS, len(KS), scale=2)
     for errors in (rotation_error, translation_error):
@@ -99,6 +104,8 @@ def method(fresh: Fresh, key: str, name: str, table: PairTable, turn: int, proba
         ks=KS,
         n_max=N_MAX,
         n_k=n_k,
+        n_k_judged=n_k_judged,
+        unknown=fresh.floats(PAIRS),
         rotation_error=rotation_error,
         translation_error=translation_error,
         points0=fresh.counts(PAIRS),
@@ -141,7 +148,7 @@ def all_numbers(result: PairSetResult) -> list[float]:
         result.detectors[0].pairs.translation,
     ]
     for m in result.detectors:
-        arrays += [m.rotation_error, m.translation_error, m.points0, m.points1]
+        arrays += [m.rotation_error, m.translation_error, m.points0, m.points1, m.unknown]
         arrays += [np.array([*m.milliseconds.values(), *m.defects.values()])]
         for at in m.budgets.values():
             arrays += [at.matches, at.inliers, at.rotation_error, at.translation_error]
