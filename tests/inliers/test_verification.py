@@ -194,13 +194,14 @@ class Patchy(IndependentCheck):
 
     protocol = HomographyInliers().protocol
 
-    def __init__(self, share: float, independent: bool = True) -> None:
-        self.share, self.independent, self.calls = share, independent, 0
+    def __init__(self, share: float, independent: bool = True, share1: float | None = None) -> None:
+        self.shares, self.independent, self.calls = (share, share if share1 is None else share1), independent, 0
 
     def __call__(self, pair, keypoints0, keypoints1, matches):
         self.calls += 1
         reason = HomographyInliers()(pair, keypoints0, keypoints1, matches).reason
-        has0, has1 = (np.sin(1e3 * k.xy[:, 0]) ** 2 < self.share for k in (keypoints0, keypoints1))
+        both = zip((keypoints0, keypoints1), self.shares, strict=True)
+        has0, has1 = (np.sin(1e3 * k.xy[:, 0]) ** 2 < share for k, share in both)
         forward = np.where(has0[matches.index0], reason, Reason.UNKNOWN).astype(np.uint8)
         backward = np.where(has1[matches.index1], reason, Reason.UNKNOWN).astype(np.uint8)
         return symmetric(forward, backward, matches, has0, has1)
@@ -258,6 +259,17 @@ def test_points_are_judged_through_their_matches():
     assert (known0 >= alone.known0).all()
     assert known0.sum() > alone.known0.sum()
     assert known1.sum() > alone.known1.sum()
+
+
+@pytest.mark.parametrize("shares", [(1.1, -1), (-1, 1.1)])
+def test_depth_of_one_image_alone_judges_the_matched_points_of_the_other(shares):
+    both, check = features(40, 40, 2), Patchy(shares[0], share1=shares[1])
+    known = known_one_by_one(both, check, 40)
+    assert sorted(map(len, known))[1] == 40 > min(map(len, known)) > 10
+    judged = verify_judged(verify(PAIR, *both, check), check, 40)
+    counts = [inliers_among(both, known, check, n) for n in range(41)]
+    for k in (1, 5, 10):
+        assert judged.points_needed(k, 40) == next((n for n, count in enumerate(counts) if count >= k), None)
 
 
 @pytest.mark.parametrize("k", [2, 5])
