@@ -39,8 +39,9 @@ class SourcePair:
 class PairSampler:
     """Draws a random frame of some sequences and a random later one with enough overlap, less than ``below``, in any order.
 
-    Every frame that has such a partner is equally likely, and so is every `difficulty` that its partners have: else a slow
-    camera would give little but neighbours that look alike. A draw is a pure function of (seed, epoch, index). Raises
+    Every frame that has such a partner is equally likely. ``spread`` says how evenly its partners are drawn over their
+    difficulties (`OverlapIndex.difficulty`): with 0 each partner is equally likely (paper), with 1 each difficulty, so that
+    a slow camera gives more than neighbours that look alike. A draw is a pure function of (seed, epoch, index). Raises
     BadInputError when no pair reaches the overlap; ``names`` tells the user where.
     """
 
@@ -51,8 +52,9 @@ class PairSampler:
         seed: int,
         names: Sequence[str] = (),
         below: float = math.inf,
+        spread: float = 0.0,
     ) -> None:
-        self.seed, self.range, self.indexes = seed, (overlap, below), list(indexes)
+        self.seed, self.range, self.spread, self.indexes = seed, (overlap, below), spread, list(indexes)
         eligible = [np.flatnonzero(index.reach(*self.range)) for index in indexes]
         self._sequence = np.repeat(np.arange(len(indexes)), [len(frames) for frames in eligible])
         self._frame = np.concatenate([*eligible, np.zeros(0, np.int64)])
@@ -74,8 +76,9 @@ class PairSampler:
         sequence, first = int(self._sequence[at]), int(self._frame[at])
         partners = self.indexes[sequence].partners(first, *self.range)
         of_partners = self.indexes[sequence].difficulty(first)[partners - first - 1]
-        alike = partners[of_partners == generator.choice(np.unique(of_partners))]
-        second = int(alike[generator.integers(len(alike))])
+        _, at, count = np.unique(of_partners, return_inverse=True, return_counts=True)
+        weight = np.cumsum(count[at] ** -float(self.spread))
+        second = int(partners[np.searchsorted(weight, generator.random() * weight[-1], side="right")])
         if generator.random() < 0.5:
             first, second = second, first
         return PairChoice(sequence, first, second)
@@ -101,6 +104,7 @@ class SourceSampler:
         overlap: float,
         seed: int,
         below: float = math.inf,
+        spread: float = 0.0,
     ) -> None:
         self.seed, self.indexes = seed, list(indexes)
         self.samplers = []
@@ -108,7 +112,7 @@ class SourceSampler:
         for source in sources:
             own = list(itertools.islice(remaining, len(source.sequences)))
             names = [sequence.name for sequence in source.sequences[:3]]
-            self.samplers.append(PairSampler(own, overlap, seed, names, below))
+            self.samplers.append(PairSampler(own, overlap, seed, names, below, spread))
         weights = np.cumsum([source.weight for source in sources])
         self.cumulative_weight = weights / weights[-1]
 

@@ -30,7 +30,7 @@ class PairDataModule(L.LightningDataModule):
     """Pairs of frames with enough overlap, with labels for the points that the network selects.
 
     ``data``: sequences, or sources with weights; ``val_data``: the same for validation, or None to keep the last
-    ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``budgets``: see
+    ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``spread``: see `PairSampler`; ``budgets``: see
     `label_pair`; ``val_pairs``: how many fixed pairs validate; ``loading_workers``: processes that decode and augment;
     ``labelling_workers``: threads that describe, match and track; ``loading_timeout``: seconds without a pair after
     which the loading workers count as hung; ``index_folder``: where overlap indexes are kept. Raises BadInputError for
@@ -47,6 +47,7 @@ class PairDataModule(L.LightningDataModule):
         augmentation: Augmentation | None = None,
         overlap_parameters: OverlapParameters | None = None,
         overlap: float = 0.1,
+        spread: float = 0.0,
         budgets: Sequence[int] = (),
         val_fraction: float = 0.15,
         val_pairs: int = 30,
@@ -58,7 +59,7 @@ class PairDataModule(L.LightningDataModule):
         super().__init__()
         self.descriptor, self.inliers, self.augmentation = descriptor, inliers, augmentation
         self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
-        self.overlap, self.val_pairs, self.seed = overlap, val_pairs, seed
+        self.overlap, self.spread, self.val_pairs, self.seed = overlap, spread, val_pairs, seed
         self.loading_workers, self.labelling_workers = loading_workers, labelling_workers
         self.loading_timeout, self.budgets = loading_timeout, list(budgets)
         self.skipped = SkippedPairs()
@@ -115,7 +116,7 @@ class PairDataModule(L.LightningDataModule):
     def _sampler(self, sources: list[Source]) -> SourceSampler:
         sequences = [sequence for source in sources for sequence in source.sequences]
         indexes = build_indexes(sequences, self.index_folder, self.overlap_parameters, self.loading_workers)
-        return SourceSampler(sources, indexes, self.overlap, self.seed)
+        return SourceSampler(sources, indexes, self.overlap, self.seed, spread=self.spread)
 
     def train_dataloader(self) -> OneStepAhead:
         """Labelled pairs; the points are selected by the module that is being trained."""

@@ -33,19 +33,23 @@ def test_frames_are_equally_likely_and_so_are_partners_and_orders():
 
 
 @pytest.mark.parametrize("left_out", [0, 1, 3])
-def test_difficulties_are_equally_likely_whatever_the_number_of_frames_of_each(left_out):
+@pytest.mark.parametrize("spread", [0, 0.5, 1])
+def test_how_evenly_difficulties_are_drawn_whatever_the_number_of_frames_of_each(left_out, spread):
     """Of one frame's ten partners eight overlap alike, as seen by a camera that is slow; one of the others is turned.
 
     The frames before the first partner are left out: they show something else.
     """
     rows = [[1] * left_out + [10] * 9 + [5], *([] for _ in range(left_out + 10))]
     motion = [[90, 20, 1]] * left_out + [[2, 0, 0]] * 8 + [[2, 60, 0]] + [[40, 0, 0]]
-    sampler, n = PairSampler([index_of(rows, motion=motion)], 0.3, seed=2), 3000
+    sampler, n = PairSampler([index_of(rows, motion=motion)], 0.3, seed=2, spread=spread), 3000
     drawn = (sampler.draw(0, i) for i in range(n))
     partner = Counter(max(c.index0, c.index1) - left_out for c in drawn)
+    whole = 8 ** (1 - spread) + 2
     for alike in (range(1, 9), [9], [10]):
-        assert abs(sum(partner[j] for j in alike) - n / 3) < 4 * np.sqrt(n * 2 / 9)
-    assert all(abs(partner[j] - n / 24) < 4 * np.sqrt(n / 24) for j in range(1, 9))
+        p = len(alike) ** (1 - spread) / whole
+        assert abs(sum(partner[j] for j in alike) - n * p) < 4 * np.sqrt(n * p * (1 - p))
+    p = 8**-spread / whole  # alike ones are equally likely
+    assert all(abs(partner[j] - n * p) < 4 * np.sqrt(n * p) for j in range(1, 9))
 
 
 def test_a_draw_depends_on_seed_epoch_and_index_only():
