@@ -30,11 +30,11 @@ class PairDataModule(L.LightningDataModule):
     """Pairs of frames with enough overlap, with labels for the points that the network selects.
 
     ``data``: sequences, or sources with weights; ``val_data``: the same for validation, or None to keep the last
-    ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``spread``: see `PairSampler`; ``budgets``: see
-    `label_pair`; ``val_pairs``: how many fixed pairs validate; ``loading_workers``: processes that decode and augment;
-    ``labelling_workers``: threads that describe, match and track; ``loading_timeout``: seconds without a pair after
-    which the loading workers count as hung; ``index_folder``: where overlap indexes are kept. Raises BadInputError for
-    data or numbers that can't train.
+    ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``spread``: see
+    `PairSampler`; ``budgets``: see `label_pair`; ``val_pairs``: how many fixed pairs validate; ``loading_workers``:
+    processes that decode and augment; ``labelling_workers``: threads that describe, match and track;
+    ``loading_timeout``: seconds without a pair after which the loading workers count as hung; ``index_folder``: where
+    overlap indexes are kept. Raises BadInputError for data or numbers that can't train.
     """
 
     def __init__(
