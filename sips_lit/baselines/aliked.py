@@ -17,10 +17,10 @@ _CANDIDATES = 20_000  # maxima that are looked at: more than any budget, few eno
 
 
 class Aliked(BaseDetector):
-    """ALIKED with the network's own suppression (strict maxima in 5 x 5) and soft-argmax to sub-pixel positions.
+    """ALIKED as its authors run it: strict maxima in 5 x 5, soft-argmax to sub-pixel positions, float32, one scale.
 
-    There is no threshold on the score: the budget alone cuts. Pixel (0, 0) of the score map is the first pixel's
-    centre, so nothing is shifted.
+    The image keeps its size; its grey is given as three channels. The authors' threshold on the score (0.2) is left out:
+    the budget alone cuts, in the same order. Pixel (0, 0) of the score map is the first pixel's centre: nothing is shifted.
     """
 
     describes: bool = True

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import torch
 
 from sips_lit.baselines.learned import as_features, best_inside, fill, network_image, packaged_weights, read_weights
@@ -11,16 +9,19 @@ from sips_lit.detect.base import BaseDetector
 from sips_lit.errors import import_extra
 from sips_lit.types import Features, GreyImage
 
-OFFSET: Final = -0.5
-"""Pixels from where the network says to where its points lie, as measured under zoom."""
+_OFFSET = -0.5
+"""Pixels from a pixel of the score map to the points it stands for.
+
+The network learnt with COLMAP's cameras, for which the first pixel's centre is (0.5, 0.5), and calls it (0, 0). Under zoom
+its points lie 0.5 px too far right and down without it.
+"""
 
 
 class Disk(BaseDetector):
-    """DISK trained with depth, with the network's own suppression (strict maxima in 5 x 5, score above 0), in float32.
+    """DISK trained with depth as its authors run it: strict maxima in 5 x 5, score above 0, float32, one scale.
 
-    Offset: `OFFSET` px. Points are whole pixels of the score map, and lie half a pixel up and left of these pixels'
-    centres: so they agree best between an image and itself made smaller or larger. It takes more than a second for
-    640 x 480 pixels on a CPU.
+    The image keeps its size and is padded to multiples of 16; its grey is given as three channels. The authors evaluate
+    with 2048 points or more; here the budget cuts. It takes more than a second for 640 x 480 pixels on a CPU.
     """
 
     name: str = "DISK"
@@ -42,5 +43,5 @@ class Disk(BaseDetector):
         # 32 because the smallest map of 16 pixels is a single one, which can't be normalised
         colour = network_image(image, multiple=16, smallest=32).expand(-1, 3, -1, -1)
         found = self.network(colour)[0]
-        keypoints, rows = best_inside(found.keypoints.float(), found.detection_scores, image.shape, n, OFFSET)
+        keypoints, rows = best_inside(found.keypoints.float(), found.detection_scores, image.shape, n, _OFFSET)
         return as_features(keypoints, found.descriptors[rows])

@@ -20,7 +20,8 @@ _BORDER = 15  # pixels of a level without points
 class KeyNet(BaseDetector):
     """Key.Net with its own pyramid (one level up, four down, sqrt(2) apart) and suppression (15 x 15 on each level).
 
-    The scale of a point is that of its level, and at least 1.
+    The image keeps its size, in float32; there is no threshold on the score, and no point within 15 px (of the level) of
+    the border. The scale of a point is that of its level, and at least 1.
     """
 
     name = "KeyNet"

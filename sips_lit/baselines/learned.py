@@ -80,12 +80,11 @@ def best_inside(
 ) -> tuple[Keypoints, Tensor]:
     """The at most ``n`` best of the points ``xy`` (N, 2) that are inside an image of ``shape``, and their rows (M,).
 
-    Points in the padding are dropped; the rest lie ``offset`` px, at most a half, right and down of where they are said to
-    be. The scale of all is 1.
+    Points in the padding are dropped, then all are moved by ``offset`` px in x and y. The scale of all is 1.
     """
     limit = torch.tensor([shape[1], shape[0]], dtype=xy.dtype) - 0.5
     rows = torch.nonzero(((xy >= -0.5) & (xy <= limit)).all(dim=1))[:, 0].numpy()
-    keypoints, best = best_keypoints(xy.numpy()[rows] + offset, score.numpy()[rows], np.ones(len(rows)), n)
+    keypoints, best = best_keypoints(xy.numpy()[rows] + np.float32(offset), score.numpy()[rows], np.ones(len(rows)), n)
     return keypoints, torch.from_numpy(rows[best])
 
 

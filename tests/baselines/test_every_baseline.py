@@ -6,7 +6,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from half_pixels import parts_of_two, zoom_offset
 
 from sips_lit.baselines.controls import GridPoints, RandomPoints
 from sips_lit.baselines.fast import Fast
@@ -131,12 +130,6 @@ def test_no_offset(kind, size, image):
         nearest = np.abs(apart).sum(axis=2).argmin(axis=1)
         errors = apart[np.arange(len(nearest)), nearest]
         assert np.abs(np.median(errors, axis=0)).max() < 0.02
-
-
-@pytest.mark.parametrize("kind", SEEING)
-def test_no_offset_under_zoom(kind):
-    """A fault of half a pixel gives 0.5."""
-    assert np.abs(zoom_offset(kind(), parts_of_two())).max() < 0.2
 
 
 @pytest.mark.shared_data

@@ -67,6 +67,9 @@ def test_points_in_the_padding_are_dropped_and_the_rest_ranked():
     assert rows.tolist() == [4, 5, 2]
     np.testing.assert_allclose(keypoints.score, [0.5, 0.4, 0.3])
     np.testing.assert_array_equal(keypoints.xy, xy[rows].numpy())
+    moved, again = best_inside(xy, score, (6, 10), 3, offset=-0.5)
+    np.testing.assert_array_equal(moved.xy, keypoints.xy - 0.5)
+    assert again.tolist() == rows.tolist()
     keypoints, rows = best_inside(xy[:0], score[:0], (6, 10), 3)
     assert len(keypoints) == len(rows) == 0
 

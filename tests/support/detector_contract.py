@@ -50,25 +50,6 @@ def _check_image(detector, image, dimension) -> None:
         np.testing.assert_allclose(np.linalg.norm(features.descriptors, axis=1), 1, atol=1e-4)
 
 
-def mean_offset(detector, images) -> np.ndarray:
-    """(dx, dy): where the points lie on average, seen from refined corners, in the images turned and mirrored in all ways.
-
-    Turning takes away what lies in the images; what stays is the detector's own, such as a convention half a pixel off.
-    """
-    errors = []
-    for image in images:
-        for turns in range(4):
-            for turned in (np.rot90(image, turns), np.rot90(image, turns)[:, ::-1]):
-                picture = np.ascontiguousarray(turned)
-                corners = cv2.goodFeaturesToTrack(picture, 1500, 1e-4, 5)
-                criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
-                corners = cv2.cornerSubPix(picture, corners, (3, 3), (-1, -1), criteria).reshape(-1, 2)
-                apart = detector.detect(picture, 400).xy[:, None] - corners
-                error = apart[np.arange(len(apart)), np.abs(apart).sum(axis=2).argmin(axis=1)]
-                errors.append(error[np.abs(error).max(axis=1) < 1.5])
-    return np.concatenate(errors).mean(axis=0)
-
-
 def inlier_rate_of_shift(detector, image, dx: int, dy: int, n: int = 100) -> float:
     """How many mutual matches of two overlapping crops of ``image`` are within 1.5 px of the truth, of n points."""
     height, width = image.shape

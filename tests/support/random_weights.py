@@ -9,7 +9,7 @@ from torch import Tensor
 
 from sips_lit.baselines.superpoint import SuperPointNetwork
 
-NAMES = ("aliked", "disk", "xfeat", "keynet", "superpoint", "superpoint_rpautrat")
+NAMES = ("aliked", "disk", "xfeat", "keynet", "superpoint", "superpoint_rpautrat", "dedode", "dedode_descriptor")
 
 
 def weights_file(name: str, folder: Path) -> Path:
@@ -29,6 +29,10 @@ def _held(name: str) -> Mapping[str, object]:
     if name == "aliked":
         network = kornia.ALIKED("aliked-t16")
         return {key: value for key, value in network.state_dict().items() if key != "dkd.hw_grid"}
+    if name.startswith("dedode"):
+        from kornia.feature.dedode.dedode_models import get_descriptor, get_detector
+
+        return dict((get_descriptor("B") if name.endswith("descriptor") else get_detector()).state_dict())
     if name == "disk":
         return {"extractor": kornia.DISK().state_dict()}
     if name == "keynet":
