@@ -244,7 +244,7 @@ def test_a_run_shorter_than_what_is_done_is_refused(whole, stopped, tmp_path, fr
 OTHER = {
     "seed=1": r"seed=0 \(here 1\)",
     "model.width=6": r"model\.width=4 \(here 6\)",
-    "optim.optimizer.lr=0.001": r"optim\.optimizer\.lr=0\.05 \(here 0\.001\)",
+    "optim.optimizer.lr=0.001": r"optim\.optimizer\.lr=0\.1 \(here 0\.001\)",
     "optim.scheduler.eta_min=0": r"optim\.scheduler\.eta_min=1e-05 \(here 0\)",
     "optim.scheduler=null": r"optim\.scheduler\._target_=torch",
     "trainer.accumulate_grad_batches=2": r"trainer\.accumulate_grad_batches=1 \(here 2\)",
@@ -254,7 +254,7 @@ OTHER = {
     "module.points=50": r"module\.points=40 \(here 50\)",
     "k=5": r"\bk=10 \(here 5\)",
     "n_max=80": r"n_max=60 \(here 80\)",
-    "datamodule.overlap=0.2": r"datamodule\.overlap=0\.3 \(here 0\.2\)",
+    "datamodule.overlap=0.2": r"datamodule\.overlap=0\.1 \(here 0\.2\)",
     "datamodule.val_pairs=3": r"datamodule\.val_pairs=2 \(here 3\)",
     "data.max_side=64": r"data\.max_side=None \(here 64\)",
 }

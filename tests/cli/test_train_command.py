@@ -209,7 +209,7 @@ def test_too_few_frames_to_validate(command, tmp_path):
 
 def test_frames_that_do_not_overlap(command, tmp_path):
     cuts = write_frames(tmp_path / "cuts", [texture(80, 96, seed) for seed in range(16)])
-    assert "no two frames of cuts_0to11 overlap" in command("train", *given(cuts)).sentence
+    assert "no two frames of cuts_0to11 overlap" in command("train", *given(cuts, "datamodule.overlap=0.3")).sentence
 
 
 def test_other_files_beside_images(command, tmp_path):
