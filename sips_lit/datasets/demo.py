@@ -73,9 +73,10 @@ def demo_flights(
     length: int = 80,
     flights_per_still: int = 4,
     seed: int = 0,
+    layers: int = 0,
 ) -> list[ImageSequence]:
-    """Flights over photographs of scikit-image, by name."""
-    return flights_over(demo_stills(stills), size, length, flights_per_still, seed)
+    """Flights over photographs of scikit-image, by name. See `flights_over`."""
+    return flights_over(demo_stills(stills), size, length, flights_per_still, seed, layers)
 
 
 class StereoPair(ImageSequence):

@@ -76,8 +76,8 @@ class PairSampler:
         sequence, first = int(self._sequence[at]), int(self._frame[at])
         partners = self.indexes[sequence].partners(first, *self.range)
         of_partners = self.indexes[sequence].difficulty(first)[partners - first - 1]
-        _, at, count = np.unique(of_partners, return_inverse=True, return_counts=True)
-        weight = np.cumsum(count[at] ** -float(self.spread))
+        _, kind, count = np.unique(of_partners, return_inverse=True, return_counts=True)
+        weight = np.cumsum(count[kind] ** -float(self.spread))
         second = int(partners[np.searchsorted(weight, generator.random() * weight[-1], side="right")])
         if generator.random() < 0.5:
             first, second = second, first

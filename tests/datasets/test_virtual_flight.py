@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from textured_scenes import texture
 
-import sips_lit.datasets.virtual_flight as virtual_flight_module
-from sips_lit.datasets.virtual_flight import Path6D, VirtualFlight, flights_over, random_path, virtual_flight
+import sips_lit.datasets.plane_flight as plane_flight_module
+from sips_lit.datasets.plane_flight import Path6D, VirtualFlight, random_path
+from sips_lit.datasets.virtual_flight import flights_over, virtual_flight
 from sips_lit.errors import BadInputError
 from sips_lit.files import safe_name
 from sips_lit.geometry.projection import apply_homography
@@ -92,7 +93,7 @@ def test_no_horizon_at_the_largest_tilts(monkeypatch: pytest.MonkeyPatch, size: 
     amplitude, frequency = np.zeros((6, 3)), np.zeros((6, 3))
     amplitude[4:, 0], frequency[4:, 0] = 0.65, 2 * np.pi / 400
     path = Path6D(amplitude, frequency, np.zeros((6, 3)), np.zeros(6))
-    monkeypatch.setattr(virtual_flight_module, "random_path", lambda _: path)
+    monkeypatch.setattr(plane_flight_module, "random_path", lambda _: path)
     (flight,) = flights(1, 200, size=size)
     # frame 0 looks straight down: it sees whatever is not above a horizon in front of it
     assert np.isfinite([apply_homography(flight.homography(i, 0), corners(size)) for i in range(200)]).all()

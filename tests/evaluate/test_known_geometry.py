@@ -15,7 +15,7 @@ from textured_scenes import texture
 from tiny_methods import method, run_methods
 from wall_scene import Wall
 
-from sips_lit.datasets.virtual_flight import VirtualFlight
+from sips_lit.datasets.plane_flight import VirtualFlight
 from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.result import PoseOutcome
