@@ -45,6 +45,7 @@ class Keys:
     overlap_below: float | None
     pairs_file: str | None
     seed: int
+    refine_poses: bool
     features: str
     pictures: bool
     video_frames: int
@@ -55,7 +56,7 @@ CHOICE = ("kind", "pairs", "overlap", "overlap_below", "pairs_file", "seed")
 """Keys that say how pairs are chosen."""
 MEASURED = tuple(field.name for field in fields(Measures))
 """Keys that say what is measured."""
-PAIR_SET = tuple(dict.fromkeys(("title", "data", "inliers", *CHOICE, *MEASURED)))
+PAIR_SET = tuple(dict.fromkeys(("title", "data", "inliers", "refine_poses", *CHOICE, *MEASURED)))
 """Keys that an entry of ``pair_sets`` may have."""
 
 
@@ -147,7 +148,9 @@ def _pair_set(
     choice: dict[str, Any] = {name: getattr(keys, name) for name in CHOICE}
     sources, inliers = as_sources(build(value("data"))), build(value("inliers"))
     listed = choose_pairs(sources, config.paths.indexes, **choice, workers=keys.workers)
-    whole = PairSet(sources, listed, inliers, cache, key, str(entry.get("title", key)), _in_words(choice))
+    whole = PairSet(
+        sources, listed, inliers, cache, key, str(entry.get("title", key)), _in_words(choice), keys.refine_poses
+    )
     pairs = whole.verifiable()
     write_pair_file(folder / safe_name(key) / "pairs.csv", pairs.sequences, listed)
     if pairs.left_out:

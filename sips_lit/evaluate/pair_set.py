@@ -17,6 +17,7 @@ from sips_lit.frames.source import Source
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.geometry.projection import views
 from sips_lit.pairs.choice import ListedPair
+from sips_lit.pairs.pose_refinement import RefinedPose, refine_pose, summary, with_pose
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.progress import progress
 from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Matches
@@ -25,8 +26,8 @@ from sips_lit.types import FramePair, ImageSequence, InlierCheck, Keypoints, Mat
 class PairSet:
     """Pairs with the check of each, named ``key`` in files and ``title`` in tables; ``chosen`` says how they were chosen.
 
-    What is read stays in ``cache`` (of its own, if None is given). Raises BadInputError where there are no pairs, and
-    for data of which a part is missing.
+    What is read stays in ``cache`` (of its own, if None is given). ``refine_poses``: true poses are refined on tracks
+    through the frames between. Raises BadInputError where there are no pairs, and for data of which a part is missing.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class PairSet:
         key: str = "data",
         title: str | None = None,
         chosen: Mapping[str, Any] | None = None,
+        refine_poses: bool = False,
     ) -> None:
         damaged = [s.damage for source in sources for s in source.sequences if s.damage]
         if damaged:
@@ -52,6 +54,8 @@ class PairSet:
         self.left_out: list[str] = []
         self.sequences = [CachedSequence(s, cache) for source in sources for s in source.sequences]
         self.checks = [source.inliers or default for source in sources for _ in source.sequences]
+        self.refine_poses = refine_poses
+        self._poses: dict[tuple[int, int, int], RefinedPose | None] = {}
         self._keys: dict[tuple[int, int], str] = {}
         self._sizes: set[tuple[int, ...]] = set()
 
@@ -64,9 +68,21 @@ class PairSet:
 
     def read(self, at: int, depth: bool) -> FramePair:
         """Pair ``at``; with depth maps or stereo partners only if ``depth``, or if its check needs them."""
+        pair, refined = self._read(at, depth), self._refined(at) if self.refine_poses else None
+        return with_pose(pair, refined)
+
+    def _read(self, at: int, depth: bool) -> FramePair:
         pair, check = self.listed[at], self.check(at)
         sequence = self.sequences[pair.sequence]
         return read_pair(sequence, pair.index0, pair.index1, check.uses_frames, depth or check.uses_depth)
+
+    def _refined(self, at: int) -> RefinedPose | None:
+        pair = self.listed[at]
+        key = pair.sequence, pair.index0, pair.index1
+        if key not in self._poses:
+            tracked = read_pair(self.sequences[pair.sequence], pair.index0, pair.index1)
+            self._poses[key] = refine_pose(tracked, self.check(at).stereo)
+        return self._poses[key]
 
     def frames(self) -> list[tuple[int, int]]:
         """Each different frame: the position of its sequence, and its index."""
@@ -105,7 +121,7 @@ class PairSet:
         check = self.check(at)
         if not check.uses_depth:
             return None
-        pair, no_index = self.read(at, depth=True), np.zeros(0, np.int64)
+        pair, no_index = self._read(at, depth=True), np.zeros(0, np.int64)
         try:
             check(pair, Keypoints.empty(), Keypoints.empty(), Matches(no_index, no_index))
         except BadInputError as error:
@@ -135,6 +151,7 @@ class PairSet:
             "pairs": len(self.listed),
             **self.chosen,
             "verification": list(checks.values()),
+            **({"refined_poses": summary(list(map(self._refined, range(len(self)))))} if self.refine_poses else {}),
             **({"left_out": self.left_out} if self.left_out else {}),
         }
 

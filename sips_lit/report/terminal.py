@@ -39,6 +39,9 @@ def protocol_line(result: PairSetResult) -> str:
         parts.append(f"{first.protocol['search']} search")
     for check in p["verification"]:
         parts.append(", ".join(f"{key}={value}" for key, value in check.items() if not isinstance(value, Mapping)))
+    if poses := p.get("refined_poses"):
+        agree = f"{poses['agree_given']} of the tracks agree with the given poses, {poses['agree_refined']} with these"
+        parts.append(f"poses of {poses['pairs']} pairs refined on tracks ({agree})")
     if first is not None and apart(first.pairs):
         parts.append(f"{apart(first.pairs)} apart (median)")
     return ", ".join(parts)
