@@ -7,9 +7,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from sips_lit.baselines.raco import RaCoNetwork
 from sips_lit.baselines.superpoint import SuperPointNetwork
-
-NAMES = ("aliked", "disk", "xfeat", "keynet", "superpoint", "superpoint_rpautrat", "dedode", "dedode_descriptor")
 
 
 def weights_file(name: str, folder: Path) -> Path:
@@ -25,6 +24,8 @@ def _held(name: str) -> Mapping[str, object]:
         rpautrat = name.endswith("rpautrat")
         weights = SuperPointNetwork(rpautrat).state_dict()
         return {rpautrat_name(key): value for key, value in weights.items()} if rpautrat else weights
+    if name == "raco":
+        return RaCoNetwork().state_dict() | {"covariance_estimator_head.6.bias": torch.zeros(3)}  # and four more
     kornia = pytest.importorskip("kornia.feature", reason="kornia is missing: pip install 'sips_lit[baselines]'")
     if name == "aliked":
         network = kornia.ALIKED("aliked-t16")
