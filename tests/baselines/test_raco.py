@@ -139,3 +139,19 @@ def test_the_border_is_repeated_on_both_sides_up_to_multiples_of_32(weights):
     padded = torch.nn.functional.pad(image, (7, 8, 2, 2), mode="replicate")
     for cut, whole in zip(network(image), network(padded), strict=True):
         torch.testing.assert_close(cut, whole[..., 2:-2, 7:-8])
+
+
+def test_levels_are_enlarged_so_that_corner_pixels_coincide():
+    """Each level is a ramp of its own columns: enlarged, it is linear from the first to the last."""
+    network = RaCoNetwork()
+    for level in range(1, 5):
+        network.add_module(f"block{level}", torch.nn.Identity())
+        network.add_module(f"conv{level}", Columns())
+    levels = network._pyramid(torch.zeros(1, 1, 64, 96))[0, :, 5]
+    for row, pooled in zip(levels / torch.nn.functional.selu(torch.ones(1)), (1, 2, 8, 32), strict=True):
+        torch.testing.assert_close(row, torch.linspace(0, 96 // pooled - 1, 96), atol=1e-4, rtol=0)
+
+
+class Columns(torch.nn.Module):
+    def forward(self, x):
+        return torch.arange(x.shape[3]).to(x).expand(x.shape)

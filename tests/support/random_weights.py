@@ -12,7 +12,7 @@ from sips_lit.baselines.superpoint import SuperPointNetwork
 
 
 def weights_file(name: str, folder: Path) -> Path:
-    """Writes the file of one baseline; skips where it takes kornia and that is missing."""
+    """Writes the file of one baseline (``aliked``: t16; ``aliked_n16``: n16); skips where kornia is needed and missing."""
     torch.manual_seed(0)
     path = folder / f"{name}.pth"
     torch.save(_held(name), path)
@@ -27,8 +27,8 @@ def _held(name: str) -> Mapping[str, object]:
     if name == "raco":
         return RaCoNetwork().state_dict() | {"covariance_estimator_head.6.bias": torch.zeros(3)}  # and four more
     kornia = pytest.importorskip("kornia.feature", reason="kornia is missing: pip install 'sips_lit[baselines]'")
-    if name == "aliked":
-        network = kornia.ALIKED("aliked-t16")
+    if name.startswith("aliked"):
+        network = kornia.ALIKED("aliked-" + (name.partition("_")[2] or "t16"))
         return {key: value for key, value in network.state_dict().items() if key != "dkd.hw_grid"}
     if name.startswith("dedode"):
         from kornia.feature.dedode.dedode_models import get_descriptor, get_detector
