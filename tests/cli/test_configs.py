@@ -40,7 +40,7 @@ GROUPS = {
     "index": ["paths"],
 }
 EXTRAS = {"descriptor/surf": "mahotas", "detector/surf": "mahotas"}
-LEARNED = {"aliked", "dedode", "disk", "keynet", "superpoint", "xfeat"}
+LEARNED = {"aliked", "dedode", "disk", "keynet", "raco", "superpoint", "xfeat"}
 MIXTURES = {
     "mixed": {"video": "video", "driving": "kitti", "drone": "euroc", "indoor": "rgbd", "planes": "hpatches"},
     "robotics": {"tum_mono": "tum_mono", "robotcar": "robotcar"},

@@ -2,7 +2,8 @@
 
 Each probe gives (dx, dy): how far the points of a changed image, taken back, lie from the points of the image itself, in its
 pixels. A detector whose points lie b px too far right has -2 b when turned, -b / 2 in an image twice as large. A learned
-detector may prefer one side of what it looks at, as ALIKED does by 2 px: turning shows that too, zooming does not.
+detector may prefer one side of what it looks at, as ALIKED does by 2 px: turning shows that too, zooming only the part that
+does not grow with the image (of n16 0.4 px).
 """
 
 from collections.abc import Callable, Sequence

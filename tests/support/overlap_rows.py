@@ -1,4 +1,4 @@
-"""Overlap indexes from rows of survivors, for the tests."""
+"""Overlap indexes from rows of survivors, and back, for the tests."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -25,3 +25,8 @@ def index_of(
 def all_overlap(length: int) -> OverlapIndex:
     """Every frame sees all later ones."""
     return index_of([[9] * (length - 1 - frame) for frame in range(length)], 9)
+
+
+def rows_of(index: OverlapIndex) -> list[list[int]]:
+    """Survivors of each frame in the later ones."""
+    return [index.survivors[a:b].tolist() for a, b in zip(index.offsets[:-1], index.offsets[1:], strict=True)]

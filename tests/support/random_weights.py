@@ -7,13 +7,12 @@ import pytest
 import torch
 from torch import Tensor
 
+from sips_lit.baselines.raco import RaCoNetwork
 from sips_lit.baselines.superpoint import SuperPointNetwork
-
-NAMES = ("aliked", "disk", "xfeat", "keynet", "superpoint", "superpoint_rpautrat", "dedode", "dedode_descriptor")
 
 
 def weights_file(name: str, folder: Path) -> Path:
-    """Writes the file of one baseline; skips where it takes kornia and that is missing."""
+    """Writes the file of one baseline (``aliked``: t16; ``aliked_n16``: n16); skips where kornia is needed and missing."""
     torch.manual_seed(0)
     path = folder / f"{name}.pth"
     torch.save(_held(name), path)
@@ -25,9 +24,11 @@ def _held(name: str) -> Mapping[str, object]:
         rpautrat = name.endswith("rpautrat")
         weights = SuperPointNetwork(rpautrat).state_dict()
         return {rpautrat_name(key): value for key, value in weights.items()} if rpautrat else weights
+    if name == "raco":
+        return RaCoNetwork().state_dict() | {"covariance_estimator_head.6.bias": torch.zeros(3)}  # and four more
     kornia = pytest.importorskip("kornia.feature", reason="kornia is missing: pip install 'sips_lit[baselines]'")
-    if name == "aliked":
-        network = kornia.ALIKED("aliked-t16")
+    if name.startswith("aliked"):
+        network = kornia.ALIKED("aliked-" + (name.partition("_")[2] or "t16"))
         return {key: value for key, value in network.state_dict().items() if key != "dkd.hw_grid"}
     if name.startswith("dedode"):
         from kornia.feature.dedode.dedode_models import get_descriptor, get_detector
