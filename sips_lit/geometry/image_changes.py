@@ -1,11 +1,15 @@
-"""What resizing and mirroring images do to their pixels, and to cameras, homographies and poses."""
+"""What resizing, mirroring and transposing images do to their pixels, and to cameras, homographies and poses."""
 
 from __future__ import annotations
+
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.types import Camera, FloatArray
+
+_SWAP: Final = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]])
 
 
 def resize_map(before: tuple[int, int], after: tuple[int, int]) -> NDArray[np.float64]:
@@ -41,6 +45,23 @@ def flip_camera(camera: Camera, horizontal: bool, vertical: bool) -> Camera:
     """The camera of a mirrored image: its principal point is mirrored, its skew changes sign with one mirror."""
     mirror = _mirror(camera.size, horizontal, vertical)
     return Camera(mirror @ camera.matrix * mirror.diagonal(), camera.size)
+
+
+def transpose_homography(H: FloatArray) -> NDArray[np.float64]:
+    """The homography after x and y of both images were swapped."""
+    return np.asarray(_SWAP @ H @ _SWAP, np.float64)
+
+
+def transpose_pose(T: FloatArray) -> NDArray[np.float64]:
+    """The motion (4, 4) between two cameras after x and y of both images, and with them of the world, were swapped."""
+    swap = np.eye(4)
+    swap[:3, :3] = _SWAP
+    return np.asarray(swap @ T @ swap, np.float64)
+
+
+def transpose_camera(camera: Camera) -> Camera:
+    """The camera of an image whose x and y were swapped."""
+    return Camera(_SWAP @ camera.matrix @ _SWAP, (camera.size[1], camera.size[0]))
 
 
 def _mirror(size: tuple[int, int], horizontal: bool, vertical: bool) -> NDArray[np.float64]:

@@ -10,7 +10,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.geometry.image_changes import flip_camera, flip_homography, flip_pose
+from sips_lit.geometry.image_changes import (
+    flip_camera,
+    flip_homography,
+    flip_pose,
+    transpose_camera,
+    transpose_homography,
+    transpose_pose,
+)
 from sips_lit.types import FramePair, GreyImage, ViewGeometry
 
 SHARPNESS = 0.5  # pixels: the standard deviation of the blur that one pixel is taken to have
@@ -18,17 +25,20 @@ SHARPNESS = 0.5  # pixels: the standard deviation of the blur that one pixel is 
 
 @dataclass(frozen=True, slots=True)
 class Augmentation:
-    """Random mirrors of the whole pair, turns and scales of each planar image, sizes and photometric changes of each image.
+    """Random mirrors, transposes and negatives of a pair, turns and scales of planar images, sizes, photometric changes.
 
     Trackers keep the clean frames, so a label says that the place is the same though it looks different. ``flip``:
-    probability of each mirror; ``log2_shrink``: powers of two by which both images become smaller at most, and
-    ``log2_zoom`` each by itself; ``photometric``: probability that an image is changed; the rest are the largest changes:
-    ``contrast`` and ``gamma`` as factors, ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as
-    standard deviation in pixels, ``shade`` as relative change of the light across the image, ``rotation`` in radians and
-    ``log2_scale`` as power of two (our choice).
+    probability of each mirror; ``transpose``: that x and y are swapped; ``invert``: that both images are negatives;
+    ``log2_shrink``: powers of two by which both images become smaller at most, and ``log2_zoom`` each by itself;
+    ``photometric``: probability that an image is changed; the rest are the largest changes: ``contrast`` and ``gamma`` as
+    factors, ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as standard deviation in pixels,
+    ``shade`` as relative change of the light across the image, ``rotation`` in radians and ``log2_scale`` as power of two
+    (our choice).
     """
 
     flip: float = 0.5
+    transpose: float = 0.0
+    invert: float = 0.0
     log2_shrink: float = 0.0
     log2_zoom: float = 0.0
     photometric: float = 0.7
@@ -48,6 +58,8 @@ class Augmentation:
         the pair has a homography and no other geometry, is each image turned and scaled by itself.
         """
         pair = mirror_pair(pair, generator.random() < self.flip, generator.random() < self.flip)
+        if self.transpose and generator.random() < self.transpose:
+            pair = transpose_pair(pair)
         if planar and (self.rotation or self.log2_scale) and pair.homography is not None and pair.geometry is None:
             angle = generator.uniform(-self.rotation, self.rotation, 2)
             scale = 2 ** generator.uniform(-self.log2_scale, self.log2_scale, 2)
@@ -55,6 +67,8 @@ class Augmentation:
         if self.log2_shrink or self.log2_zoom:
             shrink = generator.uniform(0, self.log2_shrink) + generator.uniform(0, self.log2_zoom, 2)
             pair = shrink_images(pair, *(2**shrink).tolist())
+        if self.invert and generator.random() < self.invert:
+            pair = replace(pair, image0=255 - pair.image0, image1=255 - pair.image1)
         images = (
             self.change_light(image, generator) if generator.random() < self.photometric else image
             for image in (pair.image0, pair.image1)
@@ -108,6 +122,37 @@ def mirror_pair(pair: FramePair, horizontal: bool, vertical: bool) -> FramePair:
     frames = tuple(mirror(frame) for frame in pair.frames)
     return replace(
         pair, frames=frames, image0=mirror(pair.image0), image1=mirror(pair.image1), homography=H, geometry=g
+    )
+
+
+def transpose_pair(pair: FramePair) -> FramePair:
+    """The pair with x and y of all images swapped, and with them what is known about it.
+
+    A pair with stereo partners stays as it is: their rows would become columns.
+    """
+    H, g = pair.homography, pair.geometry
+    if g is not None and (g.right0 is not None or g.right1 is not None):
+        return pair
+
+    def transpose(image: Any) -> Any:
+        return None if image is None else np.ascontiguousarray(image.T)
+
+    if g is not None:
+        g = replace(
+            g,
+            T_1_0=None if g.T_1_0 is None else transpose_pose(g.T_1_0),
+            camera0=transpose_camera(g.camera0),
+            camera1=transpose_camera(g.camera1),
+            depth0=transpose(g.depth0),
+            depth1=transpose(g.depth1),
+        )
+    return replace(
+        pair,
+        frames=tuple(map(transpose, pair.frames)),
+        image0=transpose(pair.image0),
+        image1=transpose(pair.image1),
+        homography=None if H is None else transpose_homography(H),
+        geometry=g,
     )
 
 
