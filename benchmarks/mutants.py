@@ -1,8 +1,8 @@
 """Mutation testing: does a test fail when a line of the package is wrong? python benchmarks/mutants.py [--only PATTERN]
 
 The mutants are in ``benchmarks/mutants/*.yaml``: by file of the package a list of ``what`` is wrong, the exact ``old`` text,
-which must occur once, the ``new`` text, and, where the file's own tests (``a/b.py``: ``a/test_b.py``) are not those that
-should notice, ``tests``. Each mutant is made in a copy of package and tests, so the checkout stays as it is.
+which must occur once, the ``new`` text, and, where the file's own tests (``a/b.py``: ``a/test_b.py``, ``a/test_b_*.py``) are
+not those that should notice, ``tests``. Each mutant is made in a copy of package and tests, so the checkout stays as it is.
 Prints what happened to each and exits with 1 if any survives or does not fit the package any more.
 """
 
@@ -48,13 +48,20 @@ class Mutant:
         return f"{self.file}: {self.what}"
 
 
+def own_tests(file: str) -> tuple[str, ...]:
+    """The files below ``tests/`` that are called after a file of the package, or begin so."""
+    folder, stem = Path(file).parent, Path(file).stem
+    found = [f"test_{stem}.py", *sorted(path.name for path in (ROOT / "tests" / folder).glob(f"test_{stem}_*.py"))]
+    return tuple(str(folder / name) for name in found)
+
+
 def read_tables() -> list[Mutant]:
     mutants = []
     for table in sorted(TABLES.glob("*.yaml")):
         for file, entries in yaml.safe_load(table.read_text()).items():
-            own = str(Path(file).with_name(f"test_{Path(file).name}"))
+            own = own_tests(file)
             for entry in entries:
-                tests = tuple(entry.get("tests", "").split()) or (own,)
+                tests = tuple(entry.get("tests", "").split()) or own
                 mutants.append(Mutant(file, entry["what"], entry["old"], entry["new"], tests))
     return mutants
 

@@ -15,7 +15,7 @@ from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.pairs.choice import ListedPair
 from sips_lit.pairs.pose_refinement import refine_pose, summary, with_pose
 from sips_lit.pairs.sampler import read_pair
-from sips_lit.types import FramePair, ImageSequence
+from sips_lit.types import Camera, FramePair, ImageSequence
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +52,30 @@ def test_a_right_pose_stays_right(flight: ImageSequence):
     refined = refine_pose(pair)
     assert refined.given > 0.8
     assert rotation_error(refined.T_1_0, pair.geometry.T_1_0) < 0.1
+
+
+def test_cameras_may_differ(flight: ImageSequence):
+    """The camera of image 1 has a focal length that is 1.15 times as long."""
+    pair = read_pair(flight, 3, 9)
+    width, height = pair.image1.shape[::-1]
+    zoom = np.array([[1.15, 0, -0.075 * (width - 1)], [0, 1.15, -0.075 * (height - 1)], [0, 0, 1]])
+    frames = (*pair.frames[:-1], cv2.warpPerspective(pair.frames[-1], zoom, (width, height), flags=cv2.INTER_CUBIC))
+    camera1 = Camera(zoom @ pair.geometry.camera1.matrix, (width, height))
+    zoomed = replace(pair, frames=frames, geometry=replace(pair.geometry, camera1=camera1, depth1=None))
+    refined = refine_pose(disturbed(zoomed))
+    assert not refined.kept
+    assert refined.refined > 0.5
+    assert rotation_error(refined.T_1_0, pair.geometry.T_1_0) < 0.2
+
+
+def test_a_pose_that_few_tracks_agree_with_is_not_taken():
+    """Frames of noise: the few tracks there are by chance agree with some pose, and with none in truth."""
+    generator = np.random.default_rng(0)
+    pair = read_pair(Wall(3), 0, 2)
+    noise = tuple(generator.integers(0, 255, frame.shape, np.uint8) for frame in pair.frames)
+    refined = refine_pose(replace(pair, frames=noise))
+    assert refined.kept
+    np.testing.assert_array_equal(refined.T_1_0, pair.geometry.T_1_0)
 
 
 def test_stereo_partners_tell_depth_too():
