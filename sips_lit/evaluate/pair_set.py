@@ -105,7 +105,7 @@ class PairSet:
     def verifiable(self) -> PairSet:
         """The pairs without those whose depth or pose their check misses: they say nothing about any method.
 
-        ``left_out`` names the others. Raises BadInputError where none is left.
+        ``left_out`` names the others. Raises BadInputError where none is left, or has a pose that could be refined as asked.
         """
         bar = progress(range(len(self)), desc="depth", unit="pair")
         complaints = [self._complaint(at) for at in bar]
@@ -113,6 +113,11 @@ class PairSet:
             raise BadInputError(f"no pair can be verified, as {complaints[0]}")
         verifiable = copy.copy(self)
         verifiable.listed = [pair for pair, why in zip(self.listed, complaints, strict=True) if why is None]
+        if self.refine_poses and verifiable._refined(0) is None:
+            name = self._name(verifiable.listed[0])
+            raise BadInputError(
+                f"refine_poses needs poses, cameras and depth, which {name} does not have: set it to false"
+            )
         verifiable.left_out = [self._name(pair) for pair, why in zip(self.listed, complaints, strict=True) if why]
         return verifiable
 

@@ -36,6 +36,12 @@ def test_an_entry_overrides_the_keys_for_its_own(config, folders):
     assert {p.index0 for p in first.listed} == {0}
 
 
+def test_poses_that_are_not_known_can_not_be_refined(config, folders):
+    config.pair_sets = OmegaConf.create({"a": {}, "b": {"refine_poses": True}})
+    with pytest.raises(BadInputError, match=r"refine_poses needs poses, cameras and depth, which .* does not have"):
+        make_pair_sets(config, folders / "run")
+
+
 def test_keys_that_no_pair_set_has(config, folders):
     config.pair_sets = OmegaConf.create({"a": {"nonsense": 1}})
     with pytest.raises(
@@ -45,7 +51,7 @@ def test_keys_that_no_pair_set_has(config, folders):
 
 
 NOT_NULL = """k ks n n_max budgets search repeats calibration pose threshold cells
-kind pairs overlap seed workers features video_frames pictures data inliers"""
+kind pairs overlap seed refine_poses workers features video_frames pictures data inliers"""
 
 
 @pytest.mark.parametrize("key", NOT_NULL.split())
