@@ -45,7 +45,7 @@ MIXTURES = {
     "mixed": {"video": "video", "driving": "kitti", "drone": "euroc", "indoor": "rgbd", "planes": "hpatches"},
     "robotics": {"tum_mono": "tum_mono", "robotcar": "robotcar"},
 }
-DEMO = {"demo", "demo_val", "hpatches_flights", "released"}
+DEMO = {"demo", "demo_val", "hpatches_flights", "released", "released_layers"}
 
 
 def names(group: str) -> list[str]:
@@ -71,7 +71,7 @@ def test_every_group_is_covered():
 
 def test_an_evaluation_has_the_keys_that_are_read_and_the_defaults_of_the_code():
     stored = OmegaConf.load(CONF_DIR / "evaluation" / "default.yaml")
-    others = {"pair_sets", "features", "pictures", "video_frames", "workers"}
+    others = {"refine_poses", "pair_sets", "features", "pictures", "video_frames", "workers"}
     assert set(stored) == {*CHOICE, *MEASURED} | others
     for name in set(MEASURED) - {"seed"}:
         default = getattr(Measures(), name)
