@@ -17,6 +17,7 @@ from torch.optim.lr_scheduler import LRScheduler
 
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor, logits_at
+from sips_lit.errors import BadInputError
 from sips_lit.inliers.verification import verify
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.dataset import unpack
@@ -30,8 +31,8 @@ class SipsModule(L.LightningModule):
 
     ``optimizer`` makes an optimiser of the parameters; ``scheduler``, if any, a schedule of the optimiser and the
     number of steps (``T_max``). ``points``: how many are selected in each image; ``consistency`` and ``ranking``:
-    weights of `consistency_loss` and `ranking_loss`, added to the inlierness loss (0: the paper's loss); ``gradient``:
-    see `ScoreNetwork.at`.
+    weights of `consistency_loss`, whose ``beta`` is ``consistency_beta``, and `ranking_loss`, added to the inlierness loss
+    (0: the paper's loss); ``gradient``: see `ScoreNetwork.at`. Raises BadInputError for a negative weight or ``beta``.
     """
 
     def __init__(
@@ -42,14 +43,20 @@ class SipsModule(L.LightningModule):
         scheduler: Callable[..., LRScheduler] | None = None,
         points: int = 500,
         consistency: float = 0.3,
-        ranking: float = 0.0,
+        consistency_beta: float = 0.5,
+        ranking: float = 30.0,
         gradient: Gradient = "patches",
     ) -> None:
         super().__init__()
+        if min(consistency, consistency_beta, ranking) < 0:
+            raise BadInputError(
+                "consistency, consistency_beta and ranking of the module can't be negative: they are "
+                f"{consistency:g}, {consistency_beta:g} and {ranking:g}"
+            )
         self.network, self.selector = network, selector
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.points, self.gradient = points, gradient
-        self.consistency, self.ranking = consistency, ranking
+        self.consistency, self.consistency_beta, self.ranking = consistency, consistency_beta, ranking
         self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)}, logger=False)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -74,7 +81,7 @@ class SipsModule(L.LightningModule):
         index0, index1, last = (
             torch.from_numpy(a).to(self.device) for a in (pair.inliers.index0, pair.inliers.index1, pair.inliers.last)
         )
-        difference = consistency_loss(logits[0][index0], logits[1][index1])
+        difference = consistency_loss(logits[0][index0], logits[1][index1], self.consistency_beta)
         shortfall = ranking_loss(logits[0], logits[1], index0, index1, last)
         self.log("train/consistency", difference.detach() / max(1, len(index0)), batch_size=1)
         self.log("train/shortfall", shortfall.detach(), batch_size=1)

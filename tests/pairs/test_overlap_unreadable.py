@@ -6,21 +6,10 @@ import numpy as np
 import pytest
 from overlap_rows import rows_of
 from overlap_scenes import views
-from textured_scenes import ArraySequence, film, flight
+from textured_scenes import ArraySequence, Damaged, film, flight
 
 from sips_lit.errors import BadInputError
 from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
-
-
-class Damaged(ArraySequence):
-    """Frames ``bad`` can't be read."""
-
-    bad: tuple[int, ...] = ()
-
-    def frame(self, index):
-        if index in self.bad:
-            raise BadInputError(f"{index}.png is damaged")
-        return super().frame(index)
 
 
 @pytest.mark.parametrize("bad", [(4,), (0,), (8,), (0, 1), (3, 4), (2, 5, 8)])

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from sips_lit.types import GreyImage, ImageSequence, Keypoints
+from sips_lit.errors import BadInputError
+from sips_lit.geometry.projection import apply_homography
+from sips_lit.types import FramePair, GreyImage, ImageSequence, Keypoints, Matches
 
 
 def texture(height: int, width: int, seed: int = 0) -> GreyImage:
@@ -39,6 +41,17 @@ class ArraySequence(ImageSequence):
 
     def homography(self, index0: int, index1: int) -> np.ndarray | None:
         return None if self.to_frame is None else self.to_frame[index1] @ np.linalg.inv(self.to_frame[index0])
+
+
+class Damaged(ArraySequence):
+    """Frames ``bad`` can't be read."""
+
+    bad: tuple[int, ...] = ()
+
+    def frame(self, index):
+        if index in self.bad:
+            raise BadInputError(f"{index}.png is damaged")
+        return super().frame(index)
 
 
 def flight(
@@ -75,3 +88,12 @@ def keypoints(xy: object, score: object = None, scale: float = 1.0) -> Keypoints
     places = np.asarray(xy, np.float32).reshape(-1, 2)
     scores = np.linspace(0.9, 0.1, len(places)) if score is None else np.asarray(score)
     return Keypoints(places, scores.astype(np.float32), np.full(len(places), scale, np.float32))
+
+
+def near_and_far(pair: FramePair) -> tuple[np.ndarray, np.ndarray, Matches]:
+    """80 places in image 0 of a 160 x 120 pair, in image 1 those 1 or 6 pixels from the true ones, and their matches."""
+    generator = np.random.default_rng(0)
+    start = generator.uniform([25, 25], [135, 95], (80, 2))
+    off = np.where(generator.random(80) < 0.5, 1.0, 6.0)  # clearly near and clearly far
+    goal = apply_homography(pair.homography, start) + off[:, None] * [0.6, 0.8]
+    return start, goal, Matches(np.arange(80), np.arange(80))

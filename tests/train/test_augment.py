@@ -3,14 +3,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from textured_scenes import flight, keypoints, texture
+from textured_scenes import flight, keypoints, near_and_far, texture
 
 from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import Augmentation, mirror_pair, shrink_images
-from sips_lit.types import Camera, FramePair, Matches, ViewGeometry
+from sips_lit.types import Camera, FramePair, ViewGeometry
 
 PAIR = read_pair(flight(6), 0, 5)
 FLIPS = [(True, False), (False, True), (True, True)]
@@ -44,11 +44,7 @@ def test_mirrors_turn_every_frame_and_the_homography(horizontal, vertical):
 @pytest.mark.parametrize(("horizontal", "vertical"), FLIPS)
 @pytest.mark.parametrize("check", [KltInliers(), HomographyInliers()])
 def test_labels_of_mirrored_points_stay(horizontal, vertical, check):
-    generator = np.random.default_rng(0)
-    start = generator.uniform([25, 25], [135, 95], (80, 2))
-    off = np.where(generator.random(80) < 0.5, 1.0, 6.0)  # clearly near and clearly far
-    goal = apply_homography(PAIR.homography, start) + off[:, None] * [0.6, 0.8]
-    matches = Matches(np.arange(80), np.arange(80))
+    start, goal, matches = near_and_far(PAIR)
     before = check(PAIR, keypoints(start), keypoints(goal), matches)
     turned = [keypoints(mirrored_points(xy, horizontal, vertical)) for xy in (start, goal)]
     after = check(mirror_pair(PAIR, horizontal, vertical), *turned, matches)

@@ -5,9 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from textured_scenes import flight, keypoints, texture
+from textured_scenes import flight, keypoints, near_and_far, texture
 
-from sips_lit.geometry.projection import apply_homography
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
@@ -45,11 +44,7 @@ def posed_pair(right: bool = False) -> FramePair:
 
 @pytest.mark.parametrize("check", [KltInliers(), HomographyInliers()])
 def test_labels_stay(check):
-    generator = np.random.default_rng(0)
-    start = generator.uniform([25, 25], [135, 95], (80, 2))
-    off = np.where(generator.random(80) < 0.5, 1.0, 6.0)  # clearly near and clearly far
-    goal = apply_homography(PAIR.homography, start) + off[:, None] * [0.6, 0.8]
-    matches = Matches(np.arange(80), np.arange(80))
+    start, goal, matches = near_and_far(PAIR)
     before = check(PAIR, keypoints(start), keypoints(goal), matches)
     after = check(transpose_pair(PAIR), keypoints(start[:, ::-1]), keypoints(goal[:, ::-1]), matches)
     unturned = check(transpose_pair(PAIR), keypoints(start), keypoints(goal), matches)

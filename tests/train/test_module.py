@@ -12,6 +12,7 @@ from train_run import fit, make_data, make_module
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor, logits_at
+from sips_lit.errors import BadInputError
 from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.match.mutual_nearest import FOREVER, MutualLifetimes
@@ -76,9 +77,9 @@ def test_the_loss_is_its_plain_definition(gradient):
 
 
 @pytest.mark.parametrize("gradient", ["patches", "dense"])
-@pytest.mark.parametrize("weight", [0, 0.3, 2])
-def test_the_loss_adds_the_difference_of_the_logits_of_matched_points(gradient, weight):
-    module = make_module(gradient=gradient, consistency=weight)
+@pytest.mark.parametrize(("weight", "beta"), [(0, 0.5), (0.3, 0.5), (2, 0.5), (2, 0), (2, 1e-3), (2, 9)])
+def test_the_loss_adds_the_difference_of_the_logits_of_matched_points(gradient, weight, beta):
+    module = make_module(gradient=gradient, consistency=weight, consistency_beta=beta)
     Logged(module)
     sides = side([3, 20, 39], [4, 30, 49], [GOOD, ALONE, GOOD]), side([10, 35, 8], [43, 0, 9], [LOST, GOOD, GOOD])
     pair = hand_made(*sides, [0, 2], [2, 1])
@@ -87,8 +88,14 @@ def test_the_loss_adds_the_difference_of_the_logits_of_matched_points(gradient, 
     without = module.training_step(hand_made(*sides), 0)
     logits0, logits1 = (module(image)[0, 0].detach().double() for image in (pair.image0, pair.image1))
     differences = [abs(logits0[3, 4] - logits1[8, 9]), abs(logits0[39, 49] - logits1[35, 0])]
-    expected = sum(d - 0.25 if d > 0.5 else d**2 for d in differences)
+    expected = sum(d - beta / 2 if d >= beta else d**2 / (2 * beta) for d in differences)
     assert float((loss - without).detach()) == pytest.approx(weight * float(expected), rel=1e-3, abs=1e-5)
+
+
+@pytest.mark.parametrize("key", ["consistency", "consistency_beta", "ranking"])
+def test_weights_can_not_be_negative(key):
+    with pytest.raises(BadInputError, match=f"{key}.* can't be negative"):
+        make_module(**{key: -1})
 
 
 def test_the_loss_adds_what_the_best_points_lack_in_inliers():

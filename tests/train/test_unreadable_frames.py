@@ -3,23 +3,12 @@
 import re
 
 import pytest
-from textured_scenes import ArraySequence, flight
+from textured_scenes import Damaged, flight
 from train_data import module, ready
 
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.train.dataset import unpack
-
-
-class Damaged(ArraySequence):
-    """Frames ``bad`` can't be read."""
-
-    bad: tuple[int, ...] = ()
-
-    def frame(self, index):
-        if index in self.bad:
-            raise BadInputError(f"{index}.png is damaged")
-        return super().frame(index)
 
 
 def damaged(bad: tuple[int, ...], planar: bool = False) -> Damaged:
