@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sips_lit.errors import BadInputError
 from sips_lit.geometry.image_changes import (
     flip_camera,
     flip_homography,
@@ -33,7 +34,7 @@ class Augmentation:
     ``photometric``: probability that an image is changed; the rest are the largest changes: ``contrast`` and ``gamma`` as
     factors, ``brightness`` and ``noise`` (standard deviation) in grey values, ``blur`` as standard deviation in pixels,
     ``shade`` as relative change of the light across the image, ``rotation`` in radians and ``log2_scale`` as power of two
-    (our choice).
+    (our choice). Raises BadInputError for what is no probability, or no size of a change.
     """
 
     flip: float = 0.5
@@ -50,6 +51,19 @@ class Augmentation:
     shade: float = 0.5
     rotation: float = 0.0
     log2_scale: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("flip", "transpose", "invert", "photometric"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise BadInputError(
+                    f"{name} of the augmentation is a probability from 0 to 1, not {getattr(self, name)}"
+                )
+        for name in ("log2_shrink", "log2_zoom", "brightness", "noise", "blur", "shade", "rotation", "log2_scale"):
+            if not getattr(self, name) >= 0:
+                raise BadInputError(f"{name} of the augmentation is 0 or more, not {getattr(self, name)}")
+        for name in ("contrast", "gamma"):
+            if not getattr(self, name) > 0:
+                raise BadInputError(f"{name} of the augmentation is a factor above 0, not {getattr(self, name)}")
 
     def __call__(self, pair: FramePair, generator: np.random.Generator, planar: bool = False) -> FramePair:
         """Another pair; the same generator state gives the same one.

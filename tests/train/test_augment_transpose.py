@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from textured_scenes import flight, keypoints, near_and_far, texture
 
+from sips_lit.errors import BadInputError
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
@@ -80,6 +81,16 @@ def test_how_often():
     negative = [pair.image0.mean() + PAIR.image0.mean() == pytest.approx(255) for pair in made]
     assert np.mean(swapped) == pytest.approx(0.3, abs=0.08)
     assert np.mean(negative) == pytest.approx(0.6, abs=0.08)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("flip", 2), ("transpose", -0.1), ("invert", float("nan")), ("photometric", 1.1)]
+    + [("log2_zoom", -1), ("noise", -2), ("rotation", -0.1), ("contrast", 0), ("gamma", -1)],
+)
+def test_what_no_augmentation_can_be(key, value):
+    with pytest.raises(BadInputError, match=f"^{key} of the augmentation is "):
+        Augmentation(**{key: value})
 
 
 def test_negatives_are_what_the_detector_sees_alone():
