@@ -85,8 +85,17 @@ def test_how_often():
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("flip", 2), ("transpose", -0.1), ("invert", float("nan")), ("photometric", 1.1)]
-    + [("log2_zoom", -1), ("noise", -2), ("rotation", -0.1), ("contrast", 0), ("gamma", -1)],
+    [
+        ("flip", 2),
+        ("transpose", -0.1),
+        ("invert", float("nan")),
+        ("photometric", 1.1),
+        ("log2_zoom", -1),
+        ("noise", -2),
+        ("rotation", -0.1),
+        ("contrast", 0),
+        ("gamma", -1),
+    ],
 )
 def test_what_no_augmentation_can_be(key, value):
     with pytest.raises(BadInputError, match=f"^{key} of the augmentation is "):
