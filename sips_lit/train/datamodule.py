@@ -31,10 +31,10 @@ class PairDataModule(L.LightningDataModule):
 
     ``data``: sequences, or sources with weights; ``val_data``: the same for validation, or None to keep the last
     ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``spread``: see
-    `PairSampler`; ``budgets``: see `label_pair`; ``val_pairs``: how many fixed pairs validate; ``loading_workers``:
-    processes that decode and augment; ``labelling_workers``: threads that describe, match and track;
-    ``loading_timeout``: seconds without a pair after which the loading workers count as hung; ``index_folder``: where
-    overlap indexes are kept. Raises BadInputError for data or numbers that can't train.
+    `PairSampler`; ``budgets``: see `label_pair`; ``between``: see `OneStepAhead`; ``val_pairs``: how many fixed pairs
+    validate; ``loading_workers``: processes that decode and augment; ``labelling_workers``: threads that describe, match and
+    track; ``loading_timeout``: seconds without a pair after which the loading workers count as hung; ``index_folder``:
+    where overlap indexes are kept. Raises BadInputError for data or numbers that can't train.
     """
 
     def __init__(
@@ -49,6 +49,7 @@ class PairDataModule(L.LightningDataModule):
         overlap: float = 0.1,
         spread: float = 0.0,
         budgets: Sequence[int] = (),
+        between: int = 0,
         val_fraction: float = 0.15,
         val_pairs: int = 30,
         loading_workers: int = 2,
@@ -61,12 +62,14 @@ class PairDataModule(L.LightningDataModule):
         self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
         self.overlap, self.spread, self.val_pairs, self.seed = overlap, spread, val_pairs, seed
         self.loading_workers, self.labelling_workers = loading_workers, labelling_workers
-        self.loading_timeout, self.budgets = loading_timeout, list(budgets)
+        self.loading_timeout, self.budgets, self.between = loading_timeout, list(budgets), between
         self.skipped = SkippedPairs()
         if val_data is None:
             self.sources, self.val_sources = split_tail(as_sources(data), val_fraction)
         else:
             self.sources, self.val_sources = as_sources(data), as_sources(val_data)
+        if between < 0:
+            raise BadInputError(f"datamodule.between counts frames between two, from 0, and is {between}")
         if not loading_timeout > 0:
             raise BadInputError(f"loading_timeout is {loading_timeout}: give a number of seconds above 0")
         if not self.sources or not self.val_sources:
@@ -138,6 +141,7 @@ class PairDataModule(L.LightningDataModule):
             skipped=self.skipped,
             loading_timeout=self.loading_timeout,
             budgets=self.budgets,
+            between=self.between,
         )
 
     def val_dataloader(self) -> DataLoader[Any]:

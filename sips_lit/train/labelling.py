@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,6 +66,51 @@ def label_pair(
         labels0 = replace(labels0, share=_shares(labels0.inlier, inliers, inliers.index0, budgets))
         labels1 = replace(labels1, share=_shares(labels1.inlier, inliers, inliers.index1, budgets))
     return labels0, labels1, inliers
+
+
+def label_along(
+    pair: FramePair,
+    keypoints0: Keypoints,
+    keypoints1: Keypoints,
+    between: Mapping[int, tuple[GreyImage, Keypoints]],
+    descriptor: Descriptor,
+    check: InlierCheck,
+    parallel: Map = map,
+    parts: int = 1,
+    budgets: Sequence[int] = (),
+) -> tuple[PointLabels, PointLabels, MutualLifetimes]:
+    """As `label_pair`, but the share of a point is its mean over the other image and some of those ``between``.
+
+    These and their points are given by their position in ``pair.frames``: a point counts in how many of them it is selected
+    again, matched and found by the tracker. Inliers stay those of the pair (our choice).
+    """
+
+    def label(part: FramePair, start: Keypoints, end: Keypoints) -> tuple[PointLabels, PointLabels, MutualLifetimes]:
+        return label_pair(part, start, end, descriptor, check, parallel, parts, budgets)
+
+    labels0, labels1, inliers = label(pair, keypoints0, keypoints1)
+    shares0, shares1 = [labels0.share], [labels1.share]
+    for position, (image, keypoints) in between.items():
+        before = replace(pair, frames=pair.frames[: position + 1], image1=image)
+        after = replace(pair, frames=pair.frames[position:], image0=image)
+        shares0.append(label(before, keypoints0, keypoints)[0].share)
+        shares1.append(label(after, keypoints, keypoints1)[1].share)
+    labels0 = replace(labels0, share=np.mean(shares0, 0, np.float32))
+    labels1 = replace(labels1, share=np.mean(shares1, 0, np.float32))
+    return labels0, labels1, inliers
+
+
+def images_between(pair: FramePair, most: int) -> dict[int, GreyImage]:
+    """At most ``most`` of the frames between both ends, evenly spread, by position; as large as image 0 of the pair."""
+    last = len(pair.frames) - 1
+    count = min(most, last - 1)
+    positions = [round((at + 1) * last / (count + 1)) for at in range(count)]
+    return {position: _resized(pair.frames[position], pair.image0) for position in positions}
+
+
+def _resized(frame: GreyImage, as_large_as: GreyImage) -> GreyImage:
+    height, width = as_large_as.shape
+    return np.asarray(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _shares(

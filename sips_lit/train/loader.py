@@ -26,7 +26,7 @@ from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.match.mutual_nearest import MutualLifetimes
 from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedPairs, unpack
-from sips_lit.train.labelling import label_pair
+from sips_lit.train.labelling import images_between, label_along
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
 LOADING_TIMEOUT = 120.0  # seconds
@@ -56,7 +56,8 @@ class LabelledPair:
         return replace(self, image0=self.image0.to(device), image1=self.image1.to(device))
 
 
-Points = tuple[SelectedPoints, SelectedPoints]
+Points = tuple[SelectedPoints, ...]
+"""Of image 0, of image 1, and of the frames between in which points are looked for again."""
 
 
 class OneStepAhead:
@@ -65,7 +66,8 @@ class OneStepAhead:
     Asks ``select`` for the points of the next pair, hands them to ``workers`` labelling threads (OpenCV releases the
     GIL), and yields the pair labelled before. The state is the position in the stream of pairs and the points of the
     pair that is being labelled: with it a resumed run continues as if it had not been interrupted. ``skipped`` counts
-    the pairs that can't be read. ``budgets``: see `label_pair`. Loading workers that give no pair for
+    the pairs that can't be read. ``budgets``: see `label_pair`; ``between``: in how many frames between, at most, points are
+    looked for again (`label_along`), where the check uses these. Loading workers that give no pair for
     ``loading_timeout`` seconds are replaced.
     """
 
@@ -82,8 +84,9 @@ class OneStepAhead:
         skipped: SkippedPairs | None = None,
         loading_timeout: float = LOADING_TIMEOUT,
         budgets: Sequence[int] = (),
+        between: int = 0,
     ) -> None:
-        self.budgets = budgets
+        self.budgets, self.between = budgets, between
         self.skipped, self.loading_timeout = skipped or SkippedPairs(), loading_timeout
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
         self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
@@ -105,7 +108,7 @@ class OneStepAhead:
                 if packed is None:
                     return None
                 item = unpack(packed)
-                points = ahead or (self.select(item.pair.image0), self.select(item.pair.image1))
+                points = ahead or self._select(item)
                 return points, item.skipped, coordinator.submit(self._label, item, points, workers)
 
             labelling = submit(self._ahead)
@@ -145,14 +148,23 @@ class OneStepAhead:
         finally:
             stream.close()
 
+    def _select(self, item: SourcePair) -> Points:
+        return tuple(map(self.select, (item.pair.image0, item.pair.image1, *self._images_between(item).values())))
+
+    def _images_between(self, item: SourcePair) -> dict[int, GreyImage]:
+        return images_between(item.pair, self.between) if self.checks[item.source].uses_frames else {}
+
     def _label(self, item: SourcePair, points: Points, workers: ThreadPoolExecutor) -> LabelledPair:
         pair, check = item.pair, self.checks[item.source]
-        keypoints0, keypoints1 = points[0].keypoints, points[1].keypoints
-        labels0, labels1, inliers = label_pair(
-            pair, keypoints0, keypoints1, self.descriptor, check, workers.map, self.labelling_workers, self.budgets
+        keypoints0, keypoints1, *others = (selected.keypoints for selected in points)
+        images = self._images_between(item)
+        between = dict(zip(images, zip(images.values(), others, strict=True), strict=True))
+        parallel = workers.map, self.labelling_workers
+        labels0, labels1, inliers = label_along(
+            pair, keypoints0, keypoints1, between, self.descriptor, check, *parallel, self.budgets
         )
-        images = image_tensor(pair.image0), image_tensor(pair.image1)
-        return LabelledPair(*images, *points, labels0, labels1, inliers, item.source, pair.name)
+        ends = image_tensor(pair.image0), image_tensor(pair.image1)
+        return LabelledPair(*ends, points[0], points[1], labels0, labels1, inliers, item.source, pair.name)
 
     def state_dict(self) -> dict[str, Any]:
         """Plain numbers and tensors, as a checkpoint may hold, of all processes: each has pairs of its own."""
@@ -166,7 +178,7 @@ class OneStepAhead:
         self.position = state["position"] * len(states) // self.indices.step
         own = states[self.indices.start] if len(states) == self.indices.step else {**states[0], "ahead": []}
         self.skipped.load_state_dict(own["skipped"])
-        self._ahead = (_from_state(own["ahead"][0]), _from_state(own["ahead"][1])) if own["ahead"] else None
+        self._ahead = tuple(map(_from_state, own["ahead"])) or None
 
 
 def _of_all_processes(own: dict[str, Any]) -> list[dict[str, Any]]:

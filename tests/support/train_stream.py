@@ -45,10 +45,12 @@ def pairs_of(*sequences: ArraySequence, length: int = LENGTH) -> PackedPairs:
     return PackedPairs(TrainingPairs(sources, sampler, KltInliers(), Augmentation(), length))
 
 
-def loader(learner: Learner, loading: int = 0, labelling: int = 1, first: int = 0, stride: int = 1) -> OneStepAhead:
+def loader(
+    learner: Learner, loading: int = 0, labelling: int = 1, first: int = 0, stride: int = 1, between: int = 0
+) -> OneStepAhead:
     pairs = pairs_of(flight(5, size=(80, 64)), flight(4, size=(72, 60), seed=1, name="other"))
     checks = [KltInliers(), HomographyInliers()]
-    return OneStepAhead(pairs, learner.select, RootSift(), checks, loading, labelling, first, stride)
+    return OneStepAhead(pairs, learner.select, RootSift(), checks, loading, labelling, first, stride, between=between)
 
 
 def run(stream: OneStepAhead, learner: Learner, steps: int | None = None) -> list[LabelledPair]:
@@ -84,3 +86,4 @@ def assert_same(a: LabelledPair, b: LabelledPair) -> None:
     for one, other in ((a.labels0, b.labels0), (a.labels1, b.labels1)):
         np.testing.assert_array_equal(one.reason, other.reason)
         np.testing.assert_array_equal((one.inlier, one.known), (other.inlier, other.known))
+        np.testing.assert_array_equal(one.share, other.share)

@@ -14,7 +14,7 @@ from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import shrink_images
-from sips_lit.train.labelling import in_frame, label_pair
+from sips_lit.train.labelling import images_between, in_frame, label_along, label_pair
 from sips_lit.types import Inliers, Keypoints, Reason
 
 PAIR = read_pair(flight(5), 0, 4)
@@ -229,3 +229,36 @@ def test_matches_that_are_judged_together_have_one_budget():
     assert check.seen == len(slow_matches(POINTS0, POINTS1))
     np.testing.assert_array_equal(labels0.share, labels0.inlier)
     assert (inliers.last > 10**6).all()
+
+
+@pytest.mark.parametrize("stops", [(2,), (1, 3)])
+def test_labels_of_whole_tracks_are_the_mean_over_pairs_with_the_frames_between(stops):
+    """Twin: the pairs as they are read from the sequence, each labelled by itself."""
+    sequence, check = flight(5), KltInliers()
+    between = {stop: (sequence.frame(stop), corners(sequence.frame(stop), 40)) for stop in stops}
+    labels0, labels1, inliers = label_along(PAIR, POINTS0, POINTS1, between, OrbDescriptor(), check)
+    whole0, whole1, expected = label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), check)
+    shares0, shares1 = [whole0.inlier], [whole1.inlier]
+    for stop, (_, points) in between.items():
+        from_0, to_1 = read_pair(sequence, 0, stop), read_pair(sequence, stop, 4)
+        shares0.append(label_pair(from_0, POINTS0, points, OrbDescriptor(), check)[0].inlier)
+        shares1.append(label_pair(to_1, points, POINTS1, OrbDescriptor(), check)[1].inlier)
+    for labels, shares, whole in ((labels0, shares0, whole0), (labels1, shares1, whole1)):
+        np.testing.assert_allclose(labels.share, np.mean(shares, axis=0), rtol=1e-6)
+        assert (labels.share % 1 > 0).any()  # some points are inliers in a part of the frames
+        np.testing.assert_array_equal(labels.reason, whole.reason)
+    np.testing.assert_array_equal(inliers.index0, expected.index0)
+    np.testing.assert_array_equal(inliers.index1, expected.index1)
+
+
+@pytest.mark.parametrize(
+    ("frames", "most", "positions"), [(5, 1, [2]), (5, 2, [1, 3]), (5, 9, [1, 2, 3]), (2, 3, []), (5, 0, [])]
+)
+def test_frames_between_are_spread_and_without_the_ends(frames, most, positions):
+    pair = read_pair(flight(5), 0, frames - 1)
+    images = images_between(pair, most)
+    assert list(images) == positions
+    for position, image in images.items():
+        np.testing.assert_array_equal(image, pair.frames[position])
+    smaller = images_between(shrink_images(pair, 2, 1), most)
+    assert all(image.shape == tuple(side // 2 for side in pair.image0.shape) for image in smaller.values())

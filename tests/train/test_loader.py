@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 import torch
 import torch.multiprocessing as mp
@@ -60,6 +61,24 @@ def test_a_resumed_stream_goes_on_as_if_never_interrupted(stop, loading, expecte
     # the points that were selected before the interruption are not selected again
     before_first_step = resumed.events[: resumed.events.index(("step", stop))]
     assert len(before_first_step) == (2 if stop < LENGTH - 1 else 0)
+
+
+@pytest.mark.parametrize("stop", [1, 3])
+def test_a_resumed_stream_has_the_points_of_the_frames_between(stop, tmp_path):
+    """Only pairs that KLT labels have such; their labels are those of whole tracks."""
+    learner = Learner()
+    expected = run(loader(learner, between=2), learner)
+    rest, _, resumed = after_interruption(lambda learner: loader(learner, between=2), stop, tmp_path)
+    for pair, other in zip(rest, expected[stop:], strict=True):
+        assert_same(pair, other)
+    inner = [
+        0 if p.source else min(2, abs(int(np.subtract(*map(int, p.name.split(":")[1].split("-"))))) - 1)
+        for p in expected
+    ]
+    assert {0} < set(inner)
+    assert [step for kind, step in learner.events if kind == "select"].count(1) == 2 + inner[2]
+    assert sum(kind == "select" for kind, _ in learner.events) == 2 * LENGTH + sum(inner)
+    assert sum(kind == "select" for kind, _ in resumed.events) == 2 * (LENGTH - stop - 1) + sum(inner[stop + 1 :])
 
 
 def test_a_finished_stream_stays_finished():
