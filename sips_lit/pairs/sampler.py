@@ -134,9 +134,10 @@ class SourceSampler:
         chosen: list[tuple[int, PairChoice]] = []
         draws = 20 * count  # they repeat: after so many the pairs that are left are looked for one by one
         drawn = (self.draw(0, index) for index in range(draws))
-        rest = self._all() if sum(sampler.pair_count for sampler in self.samplers) <= draws else ()
+        there_are = sum(sampler.pair_count for sampler in self.samplers)
+        rest = self._all() if there_are <= draws else ()
         for at, choice in itertools.chain(drawn, rest):
-            if len(chosen) == count:
+            if len(chosen) == count or len(asked) == there_are:
                 break
             pair = at, choice.sequence, min(choice.index0, choice.index1), max(choice.index0, choice.index1)
             if pair not in asked:

@@ -10,14 +10,20 @@ A, B, C = (flight(7, size=(96, 80), seed=seed, name=name) for seed, name in enum
 SOURCES = [Source([A]), Source([B, C], weight=2)]
 
 
-def test_random_pairs_are_fixed_by_the_seed(tmp_path):
-    listed = choose_pairs(SOURCES, tmp_path, pairs=12, overlap=0.5, seed=3)
+@pytest.fixture(scope="module")
+def indexes(tmp_path_factory):
+    """Indexes of the sources, measured once."""
+    return tmp_path_factory.mktemp("indexes")
+
+
+def test_random_pairs_are_fixed_by_the_seed(indexes):
+    listed = choose_pairs(SOURCES, indexes, pairs=12, overlap=0.5, seed=3)
     names = [f"{'abc'[p.sequence]}:{p.index0}-{p.index1}" for p in listed]
     assert len(set(names)) == 12
     assert {name[0] for name in names} == set("abc")
-    assert listed == choose_pairs(SOURCES, tmp_path, pairs=12, overlap=0.5, seed=3)
-    assert listed[:4] == choose_pairs(SOURCES, tmp_path, pairs=4, overlap=0.5, seed=3)
-    assert listed != choose_pairs(SOURCES, tmp_path, pairs=12, overlap=0.5, seed=4)
+    assert listed == choose_pairs(SOURCES, indexes, pairs=12, overlap=0.5, seed=3)
+    assert listed[:4] == choose_pairs(SOURCES, indexes, pairs=4, overlap=0.5, seed=3)
+    assert listed != choose_pairs(SOURCES, indexes, pairs=12, overlap=0.5, seed=4)
 
 
 def test_fewer_pairs_than_asked_for(tmp_path):
@@ -43,8 +49,8 @@ def test_evaluations_need_every_frame(tmp_path):
         choose_pairs(sources, tmp_path, pairs=5, overlap=0.4)
 
 
-def test_overlap_is_told(tmp_path):
-    listed = choose_pairs(SOURCES, tmp_path, pairs=12, overlap=0.5)
+def test_overlap_is_told(indexes):
+    listed = choose_pairs(SOURCES, indexes, pairs=12, overlap=0.5)
     overlap = np.array([p.overlap for p in listed])
     assert (overlap >= 0.5).all()
     assert (overlap <= 1).all()
@@ -58,10 +64,10 @@ def test_the_first_with_all_others(tmp_path):
     assert not list(tmp_path.iterdir())  # nothing to index
 
 
-def test_a_file_wins(tmp_path):
-    listed = choose_pairs(SOURCES, tmp_path, pairs=5)
+def test_a_file_wins(indexes, tmp_path):
+    listed = choose_pairs(SOURCES, indexes, pairs=5)
     write_pair_file(tmp_path / "p.csv", [A, B, C], listed)
-    assert choose_pairs(SOURCES, tmp_path, pairs=3, seed=9, pairs_file=tmp_path / "p.csv") == listed
+    assert choose_pairs(SOURCES, indexes, pairs=3, seed=9, pairs_file=tmp_path / "p.csv") == listed
 
 
 @pytest.mark.parametrize(("options", "words"), [({"pairs": 0}, "pairs is 0"), ({"kind": "all"}, "kind is all: give")])
@@ -70,8 +76,8 @@ def test_impossible(tmp_path, options, words):
         choose_pairs(SOURCES, tmp_path, **options)
 
 
-def test_pairs_of_middle_difficulty_and_how_far_they_are_apart(tmp_path):
-    listed = choose_pairs(SOURCES, tmp_path, pairs=6, overlap=0.5, overlap_below=0.8)
+def test_pairs_of_middle_difficulty_and_how_far_they_are_apart(indexes):
+    listed = choose_pairs(SOURCES, indexes, pairs=6, overlap=0.5, overlap_below=0.8)
     assert all(0.5 <= pair.overlap < 0.8 for pair in listed)
     sequences = [sequence for source in SOURCES for sequence in source.sequences]
     for pair in listed:
@@ -80,4 +86,4 @@ def test_pairs_of_middle_difficulty_and_how_far_they_are_apart(tmp_path):
             moved = H @ [80, 60, 1]
             assert pair.pixels == pytest.approx(np.hypot(*(moved[:2] / moved[2] - [80, 60])), rel=0.35)
     with pytest.warns(InputWarning, match=r"different ones overlap by 0\.5 and less than 0\.8$"):
-        choose_pairs(SOURCES, tmp_path, pairs=10_000, overlap=0.5, overlap_below=0.8)
+        choose_pairs(SOURCES, indexes, pairs=10_000, overlap=0.5, overlap_below=0.8)
