@@ -10,6 +10,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from sips_lit.detect.derivatives import CHANNELS, derivative_channels, derivative_filters
+
 Gradient = Literal["patches", "dense"]
 
 
@@ -22,7 +24,9 @@ class ScoreNetwork(nn.Module):
 
     ``depth`` layers, the last with one channel; the others have ``width / 2`` channels in the first half of the network
     and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias`` (our choice). With
-    ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`).
+    ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`). With
+    ``derivatives`` the first layer gets `derivative_channels` instead of the grey image alone (the paper's), and the
+    receptive field grows by a pixel to each side.
 
     The input is padded once by ``radius`` replicated pixels, then every convolution is a valid one: the logit of a pixel
     depends on exactly the (2 radius + 1)^2 pixels around it, and the same numbers come out of a dense pass and of patches.
@@ -38,6 +42,7 @@ class ScoreNetwork(nn.Module):
         start_bias: float = -1.5,
         scales: int = 1,
         scale_factor: float = math.sqrt(2),
+        derivatives: bool = False,
     ) -> None:
         super().__init__()
         if depth not in range(2, MOST_LAYERS + 1) or width < 2 or width % 2:
@@ -56,13 +61,21 @@ class ScoreNetwork(nn.Module):
             "start_bias": start_bias,
             "scales": scales,
             "scale_factor": scale_factor,
+            "derivatives": derivatives,
         }
-        self.radius = depth
+        self.derivatives = derivatives
+        self.radius = depth + int(derivatives)
         self.leaky_slope = leaky_slope
         self.scales = scales
         self.scale_factor = scale_factor
-        widths = [1] + [width // 2 if layer < depth // 2 else width for layer in range(depth - 1)] + [1]
+        widths = (
+            [CHANNELS if derivatives else 1]
+            + [width // 2 if layer < depth // 2 else width for layer in range(depth - 1)]
+            + [1]
+        )
         self.layers = nn.ModuleList(nn.Conv2d(a, b, 3) for a, b in itertools.pairwise(widths))
+        if derivatives:
+            self.register_buffer("filters", derivative_filters(), persistent=False)
         with torch.no_grad():
             for layer in self.layers:
                 nn.init.kaiming_normal_(cast(Tensor, layer.weight), a=leaky_slope)
@@ -83,7 +96,11 @@ class ScoreNetwork(nn.Module):
 
     def valid(self, padded: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of padded, scaled images (B, 1, H + 2 radius, W + 2 radius)."""
-        x = padded.contiguous(memory_format=torch.channels_last)
+        x = padded
+        if self.derivatives:
+            with torch.autocast(x.device.type, enabled=False):  # differences of rounded grey values are noise
+                x = derivative_channels(x.float(), cast(Tensor, self.filters))
+        x = x.contiguous(memory_format=torch.channels_last)
         for layer in self.layers[:-1]:
             x = F.leaky_relu(layer(x), self.leaky_slope, inplace=not torch.is_grad_enabled())
         # float32 under autocast, too: equal logits would make the order of the points arbitrary

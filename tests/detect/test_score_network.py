@@ -142,3 +142,46 @@ def test_config_rebuilds_the_network():
     again.load_state_dict(net.state_dict())
     with torch.no_grad():
         torch.testing.assert_close(again(noise(9, 9)), net(noise(9, 9)), rtol=0, atol=0)
+
+
+@pytest.fixture
+def differentiating() -> ScoreNetwork:
+    torch.manual_seed(0)
+    return ScoreNetwork(4, 8, derivatives=True)
+
+
+def test_derivatives_add_inputs_and_a_pixel_but_no_other_weights(differentiating):
+    assert differentiating.layers[0].in_channels == 7
+    assert set(differentiating.state_dict()) == set(network().state_dict())
+    assert differentiating.radius == 5
+    assert ScoreNetwork(**differentiating.config).derivatives
+
+
+def test_the_receptive_field_with_derivatives(differentiating):
+    image = noise(24, 26)
+    with torch.no_grad():
+        before = differentiating(image)[0, 0, 9, 10]
+        for off, same in ((6, True), (5, False)):
+            changed = image.clone()
+            changed[0, 0, 9 + off, 10 + off] += 2000
+            assert (differentiating(changed)[0, 0, 9, 10] == before) == same
+        assert differentiating(image).shape == (1, 1, 24, 26)
+
+
+def test_with_derivatives_patches_are_the_dense_map_and_gradients_flow(differentiating):
+    image, rows, columns = noise(20, 21), torch.tensor([0, 7, 19]), torch.tensor([20, 3, 0])
+    patches, dense = (differentiating.at(image, rows, columns, route) for route in ("patches", "dense"))
+    torch.testing.assert_close(patches, dense, rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(
+        gradient_of(differentiating, patches), gradient_of(differentiating, dense), rtol=1e-3, atol=1e-4
+    )
+
+
+def test_derivatives_are_taken_in_full_precision(differentiating):
+    """Rounded to bfloat16 first, a slope of one grey value a pixel on a bright image would be steps."""
+    ramp = (200 + torch.arange(26.0)).expand(24, 26)[None, None].contiguous()
+    with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+        inside = differentiating(ramp)[0, 0, 6:-6, 6:-6]
+    with torch.no_grad():
+        expected = differentiating(ramp)[0, 0, 6:-6, 6:-6]
+    torch.testing.assert_close(inside, expected, rtol=0.03, atol=0.03)

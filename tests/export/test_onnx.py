@@ -20,14 +20,14 @@ pytest.importorskip("onnxscript", reason="needs the extra export")
 SELECTOR = PointSelector(4, subpixel=False)
 
 
-def make_network(seed: int = 0) -> ScoreNetwork:
+def make_network(seed: int = 0, derivatives: bool = False) -> ScoreNetwork:
     torch.manual_seed(seed)
-    return ScoreNetwork(3, 4).eval()
+    return ScoreNetwork(3, 4, derivatives=derivatives).eval()
 
 
-@pytest.fixture(scope="module")
-def network() -> ScoreNetwork:
-    return make_network()
+@pytest.fixture(scope="module", params=[False, True], ids=["grey", "derivatives"])
+def network(request) -> ScoreNetwork:
+    return make_network(derivatives=request.param)
 
 
 @pytest.fixture(scope="module")
