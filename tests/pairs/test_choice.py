@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from textured_scenes import ArraySequence, flight, texture
+from textured_scenes import ArraySequence, Damaged, flight, texture
 
 from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.frames.source import Source
@@ -38,14 +38,10 @@ def test_no_pair_overlaps(tmp_path):
 
 
 def test_evaluations_need_every_frame(tmp_path):
-    class Damaged(ArraySequence):
-        def frame(self, index):
-            if index == 3:
-                raise BadInputError("walk/003.png is damaged")
-            return super().frame(index)
-
-    sources = [Source([flight(8, size=(96, 80), known=False), Damaged(flight(9).frames, "walk")])]
-    with pytest.raises(BadInputError, match=r"an evaluation needs every frame, but walk/003\.png is damaged"):
+    walk = Damaged(flight(9).frames, "walk")
+    walk.bad = (3,)
+    sources = [Source([flight(8, size=(96, 80), known=False), walk])]
+    with pytest.raises(BadInputError, match=r"an evaluation needs every frame, but 3\.png is damaged"):
         choose_pairs(sources, tmp_path, pairs=5, overlap=0.4)
 
 

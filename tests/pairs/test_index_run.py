@@ -1,6 +1,6 @@
 import cv2
 import pytest
-from textured_scenes import ArraySequence, film
+from textured_scenes import ArraySequence, Damaged, film
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.recording import Recording
@@ -86,13 +86,9 @@ def test_an_interrupted_run_finds_what_was_finished(tmp_path):
 
 
 def test_unreadable_frames_are_told(tmp_path):
-    class Damaged(ArraySequence):
-        def frame(self, index):
-            if index in (2, 6):
-                raise BadInputError(f"{index}.png is damaged")
-            return super().frame(index)
-
-    recording = Recording("walk", lambda: [Damaged(film(8).frames, "walk")])
+    walk = Damaged(film(8).frames, "walk")
+    walk.bad = (2, 6)
+    recording = Recording("walk", lambda: [walk])
     for _ in range(2):  # measured, then stored
         (row,) = run([recording], tmp_path)["walk"]
         assert (row.frames, row.unreadable, row.problem, row.failed) == (8, 2, "2.png is damaged", False)
