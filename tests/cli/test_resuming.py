@@ -1,6 +1,7 @@
 """A run goes on: as if it had not been interrupted, longer or shorter, and only from a checkpoint of its own."""
 
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -16,7 +17,13 @@ from sips_lit.cli.resuming import find_start, record_of
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 
 # the second validation is the best here, and later ones are worse
-STEPS = "trainer.max_steps=8", "trainer.val_check_interval=2", "optim.optimizer.lr=0.1", "~callbacks.pictures"
+STEPS = (  # so fast that it is best before its end
+    "trainer.max_steps=8",
+    "trainer.val_check_interval=2",
+    "optim.optimizer.lr=0.1",
+    "model.derivatives=false",
+    "~callbacks.pictures",
+)
 
 
 class Snapshots(GracefulStop):
@@ -80,7 +87,8 @@ def stopped_after(step: int, whole: tuple[Path, float], run: Path) -> Path:
 
 
 def test_the_whole_run_is_best_before_its_end(whole):
-    assert stored(whole[0], "best")["global_step"] == 4
+    best, last = (stored(whole[0], name)["global_step"] for name in ("best", "last"))
+    assert 0 < best < last  # else what follows would not tell a run that goes on from one that begins again
     assert [step for step, value in scalars(whole[0])["val/succinctness_auc"] if value == max(
         v for _, v in scalars(whole[0])["val/succinctness_auc"])] == [3]  # fmt: skip
 
@@ -157,9 +165,8 @@ def test_a_best_checkpoint_that_cannot_be_counted_is_told(stopped, tmp_path, fra
         best.unlink()
     if kind == "damaged":
         best.write_bytes(b"half")
-    with pytest.warns(
-        InputWarning, match=r"best checkpoint so far, .*best\.ckpt \(val/succinctness_auc 0\.792\), is gone"
-    ):
+    score = re.escape(f"(val/succinctness_auc {float(best_state(content)['best_model_score']):.3f})")
+    with pytest.warns(InputWarning, match=rf"best checkpoint so far, .*best\.ckpt {score}, is gone"):
         auc = run_it(tmp_path / "again", frames, *STEPS, f"ckpt_path={last}")
     assert auc == pytest.approx(max(value for _, value in scalars(tmp_path / "again")["val/succinctness_auc"]))
     assert stored(tmp_path / "again", "best")["global_step"] > 5
