@@ -68,11 +68,8 @@ class ScoreNetwork(nn.Module):
         self.leaky_slope = leaky_slope
         self.scales = scales
         self.scale_factor = scale_factor
-        widths = (
-            [CHANNELS if derivatives else 1]
-            + [width // 2 if layer < depth // 2 else width for layer in range(depth - 1)]
-            + [1]
-        )
+        hidden = (width // 2 if layer < depth // 2 else width for layer in range(depth - 1))
+        widths = [CHANNELS if derivatives else 1, *hidden, 1]
         self.layers = nn.ModuleList(nn.Conv2d(a, b, 3) for a, b in itertools.pairwise(widths))
         if derivatives:
             self.register_buffer("filters", derivative_filters(), persistent=False)

@@ -73,21 +73,13 @@ def label_along(
     keypoints0: Keypoints,
     keypoints1: Keypoints,
     between: Mapping[int, tuple[GreyImage, Keypoints]],
-    descriptor: Descriptor,
-    check: InlierCheck,
-    parallel: Map = map,
-    parts: int = 1,
-    budgets: Sequence[int] = (),
+    label: Callable[[FramePair, Keypoints, Keypoints], tuple[PointLabels, PointLabels, MutualLifetimes]],
 ) -> tuple[PointLabels, PointLabels, MutualLifetimes]:
-    """As `label_pair`, but the share of a point is its mean over the other image and some of those ``between``.
+    """What ``label`` says of a pair, but the share of a point is its mean over the other image and some images ``between``.
 
     These and their points are given by their position in ``pair.frames``: a point counts in how many of them it is selected
     again, matched and found by the tracker. Inliers stay those of the pair (our choice).
     """
-
-    def label(part: FramePair, start: Keypoints, end: Keypoints) -> tuple[PointLabels, PointLabels, MutualLifetimes]:
-        return label_pair(part, start, end, descriptor, check, parallel, parts, budgets)
-
     labels0, labels1, inliers = label(pair, keypoints0, keypoints1)
     shares0, shares1 = [labels0.share], [labels1.share]
     for position, (image, keypoints) in between.items():
@@ -110,6 +102,8 @@ def images_between(pair: FramePair, most: int) -> dict[int, GreyImage]:
 
 def _resized(frame: GreyImage, as_large_as: GreyImage) -> GreyImage:
     height, width = as_large_as.shape
+    if frame.shape == (height, width):
+        return frame
     return np.asarray(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 

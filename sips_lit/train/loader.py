@@ -26,7 +26,7 @@ from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.match.mutual_nearest import MutualLifetimes
 from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedPairs, unpack
-from sips_lit.train.labelling import images_between, label_along
+from sips_lit.train.labelling import images_between, label_along, label_pair
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
 LOADING_TIMEOUT = 120.0  # seconds
@@ -159,10 +159,15 @@ class OneStepAhead:
         keypoints0, keypoints1, *others = (selected.keypoints for selected in points)
         images = self._images_between(item)
         between = dict(zip(images, zip(images.values(), others, strict=True), strict=True))
-        parallel = workers.map, self.labelling_workers
-        labels0, labels1, inliers = label_along(
-            pair, keypoints0, keypoints1, between, self.descriptor, check, *parallel, self.budgets
+        label = partial(
+            label_pair,
+            descriptor=self.descriptor,
+            check=check,
+            parallel=workers.map,
+            parts=self.labelling_workers,
+            budgets=self.budgets,
         )
+        labels0, labels1, inliers = label_along(pair, keypoints0, keypoints1, between, label)
         ends = image_tensor(pair.image0), image_tensor(pair.image1)
         return LabelledPair(*ends, points[0], points[1], labels0, labels1, inliers, item.source, pair.name)
 

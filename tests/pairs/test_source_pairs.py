@@ -62,6 +62,14 @@ def test_all_pairs_are_fixed_where_there_are_not_more_and_their_order_makes_no_o
     assert 0 < sum(directions) < everything
 
 
+def test_drawing_stops_when_there_are_no_other_pairs(monkeypatch):
+    sampler, drawn = sampler_of([Source([flight(3)])]), []
+    draw = sampler.draw
+    monkeypatch.setattr(sampler, "draw", lambda *at: drawn.append(at) or draw(*at))
+    assert len(sampler.fixed(10_000)) == 3
+    assert len(drawn) < 100
+
+
 def test_fixed_pairs_are_unaugmented_and_the_same_every_time():
     data = sources()
     choices = sampler_of(data).fixed(6)

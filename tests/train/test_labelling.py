@@ -1,5 +1,6 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
+from functools import partial
 from types import MappingProxyType
 
 import cv2
@@ -236,7 +237,8 @@ def test_labels_of_whole_tracks_are_the_mean_over_pairs_with_the_frames_between(
     """Twin: the pairs as they are read from the sequence, each labelled by itself."""
     sequence, check = flight(5), KltInliers()
     between = {stop: (sequence.frame(stop), corners(sequence.frame(stop), 40)) for stop in stops}
-    labels0, labels1, inliers = label_along(PAIR, POINTS0, POINTS1, between, OrbDescriptor(), check)
+    label = partial(label_pair, descriptor=OrbDescriptor(), check=check)
+    labels0, labels1, inliers = label_along(PAIR, POINTS0, POINTS1, between, label)
     whole0, whole1, expected = label_pair(PAIR, POINTS0, POINTS1, OrbDescriptor(), check)
     shares0, shares1 = [whole0.inlier], [whole1.inlier]
     for stop, (_, points) in between.items():
