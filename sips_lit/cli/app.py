@@ -32,6 +32,7 @@ from omegaconf.errors import (
 )
 
 from sips_lit.cli.arguments import as_typed
+from sips_lit.cli.value_types import refuse_wrong_types
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 from sips_lit.files import FULL, LONGEST_NAME, disk_of, unwritten
 
@@ -210,7 +211,11 @@ def _only_defects(failed: threading.ExceptHookArgs) -> None:
 
 
 def build(node: DictConfig, **extra: Any) -> Any:
-    """What a node of the configuration describes; ``extra`` adds constructor arguments."""
+    """What a node of the configuration describes; ``extra`` adds constructor arguments.
+
+    Raises BadInputError for a value of the wrong type.
+    """
+    refuse_wrong_types(node)
     return hydra.utils.instantiate(node, _convert_="all", **extra)
 
 

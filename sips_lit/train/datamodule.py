@@ -68,6 +68,8 @@ class PairDataModule(L.LightningDataModule):
             self.sources, self.val_sources = split_tail(as_sources(data), val_fraction)
         else:
             self.sources, self.val_sources = as_sources(data), as_sources(val_data)
+        if any(n < 1 for n in budgets):
+            raise BadInputError(f"datamodule.budgets are numbers of points from 1 on, and are {list(budgets)}")
         if between < 0:
             raise BadInputError(f"datamodule.between counts frames between two, from 0, and is {between}")
         if not loading_timeout > 0:

@@ -6,8 +6,9 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -100,8 +101,12 @@ class OneStepAhead:
 
     def __iter__(self) -> Iterator[LabelledPair]:
         """Continues at ``position``. Raises BadInputError when the workers that replace others give no pair, either."""
-        stream = self._packed()
-        with _pool(1) as coordinator, _pool(self.labelling_workers) as workers:
+        # closed here, not when nobody refers to it any more: an error refers to all that it went through
+        with (
+            contextlib.closing(self._packed()) as stream,
+            _pool(1) as coordinator,
+            _pool(self.labelling_workers) as workers,
+        ):
 
             def submit(ahead: Points | None = None) -> tuple[Points, tuple[str, ...], Future[LabelledPair]] | None:
                 packed = next(stream, None)
@@ -121,7 +126,7 @@ class OneStepAhead:
                 yield replace(labelled, skipped=self.skipped.count)
                 labelling = following
 
-    def _packed(self) -> Iterator[Any]:
+    def _packed(self) -> Generator[Any]:
         """The pairs from ``position`` on, as `PackedPairs` has them."""
         at, hung_at = self.position, -1
         stream = _Stream(self.pairs, self.indices[at:], self.loading_workers)
@@ -252,7 +257,10 @@ class _Stream:
             _remove_worker_pids(id(self._pairs))  # else the DataLoader takes those that are killed for a failure
             self._pairs._worker_pids_set = False
             patience = threading.Timer(SECONDS_TO_END, self._kill)
-            patience.start()
+            if sys.is_finalizing():
+                self._kill()  # no thread starts any more, and to wait for its start would never end
+            else:
+                patience.start()
             self._pairs._shutdown_workers()
             patience.cancel()
 

@@ -36,6 +36,14 @@ def test_no_data_at_all(tmp_path):
         module(tmp_path, [])
 
 
+@pytest.mark.parametrize(
+    ("option", "words"), [({"between": -1}, r"between .* is -1"), ({"budgets": [25, 0]}, r"budgets .* are \[25, 0\]")]
+)
+def test_numbers_that_can_label_nothing(tmp_path, option, words):
+    with pytest.raises(BadInputError, match=words):
+        module(tmp_path, **option)
+
+
 def test_frames_that_do_not_overlap(tmp_path):
     sequence = ArraySequence([texture(80, 96, seed) for seed in range(10)], "cuts")
     with pytest.raises(BadInputError, match=r"no two frames of cuts_0to7 overlap"):

@@ -291,3 +291,35 @@ def test_nobody_waits_for_a_worker_that_stands_still_when_the_run_is_interrupted
     pairs.close()
     assert time.monotonic() - began < 6
     assert mp.active_children() == []
+
+
+ERROR_IN_A_STEP = """
+import sys
+sys.path[:0] = {paths!r}
+from train_stream import Learner, loader
+
+stream = iter(loader(Learner(), loading=2))
+next(stream)
+{fails}
+"""
+
+
+@pytest.mark.parametrize("fails", ["raise RuntimeError('a defect')", "sys.exit(1)"])
+def test_a_run_that_fails_between_two_pairs_ends(fails):
+    """The stream ends with the interpreter then, which starts no threads any more."""
+    script = ERROR_IN_A_STEP.format(paths=sys.path, fails=fails)
+    assert subprocess.run([sys.executable, "-c", script], timeout=60, capture_output=True).returncode == 1
+
+
+def test_an_error_while_points_are_selected_ends_the_loading_workers():
+    class Failing(Learner):
+        def select(self, image):
+            raise RuntimeError("a defect")
+
+    error = None
+    try:
+        next(iter(loader(Failing(), loading=2)))
+    except RuntimeError as caught:
+        error = caught  # and with it the frames that it went through
+    assert str(error) == "a defect"
+    assert mp.active_children() == []
