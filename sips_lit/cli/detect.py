@@ -13,9 +13,7 @@ from omegaconf import DictConfig
 
 from sips_lit.cli.app import run, typed
 from sips_lit.detect.budget import Budget
-from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.detector import SipsDetector
-from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
 from sips_lit.inference.batch import DetectionSummary, detect_stream
 from sips_lit.inference.streams import FrameStream, open_stream
@@ -37,6 +35,7 @@ class DetectOptions:
     confidence: float
     n_max: int
     nms_radius: int | None
+    scales: int | None
     subpixel: bool
     device: str
 
@@ -46,7 +45,9 @@ def detect(config: DictConfig) -> None:
     options = typed(config, DetectOptions)
     kinds = formats(options.format)
     budget = Budget(options.n, options.threshold, options.k, options.confidence, options.n_max)
-    detector = make_detector(options)
+    detector = SipsDetector.from_checkpoint(
+        options.checkpoint, choose_device(options.device), options.subpixel, options.nms_radius, options.scales
+    )
     stream = open_stream(Path(options.input), "overlay" in kinds, options.names)
     folder, summary = Path(options.output), DetectionSummary()
     writers = [open_writer(kind, folder, stream.fps) for kind in kinds]
@@ -55,15 +56,6 @@ def detect(config: DictConfig) -> None:
     finally:
         if summary.frames:
             print(report(folder, summary, stream, budget, writers))
-
-
-def make_detector(options: DetectOptions) -> SipsDetector:
-    """The checkpoint's detector, on the device and with the suppression radius that were asked for."""
-    network, selector = load_checkpoint(options.checkpoint)
-    radius = selector.nms_radius if options.nms_radius is None else options.nms_radius
-    if radius < 0:
-        raise BadInputError(f"nms_radius is {radius}: give a number of pixels that is not negative")
-    return SipsDetector(network, PointSelector(radius, options.subpixel), choose_device(options.device))
 
 
 def choose_device(name: str) -> torch.device:

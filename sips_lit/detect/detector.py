@@ -39,14 +39,28 @@ class SipsDetector(BaseDetector):
 
     @classmethod
     def from_checkpoint(
-        cls, path: str | Path, device: str | torch.device = "cpu", subpixel: bool = True
+        cls,
+        path: str | Path,
+        device: str | torch.device = "cpu",
+        subpixel: bool = True,
+        nms_radius: int | None = None,
+        scales: int | None = None,
     ) -> SipsDetector:
-        """The detector of a ``.ckpt`` or ``.safetensors`` file; ``subpixel`` fits the peaks whatever training did.
+        """The detector of a ``.ckpt`` or ``.safetensors`` file.
 
-        Raises BadInputError when the file is missing, damaged, or not of this architecture.
+        ``subpixel`` fits the peaks whatever training did. ``nms_radius``: no two points within it, in pixels; ``scales``:
+        levels of the image pyramid, for cameras that come nearer and turn, which a network trained on one level takes, too.
+        None: those of the file. Raises BadInputError when the file is missing, damaged, or not of this architecture, and
+        for numbers out of range.
         """
         network, selector = load_checkpoint(path)
-        return cls(network, PointSelector(selector.nms_radius, subpixel), device)
+        try:
+            if scales is not None:
+                network = network.with_scales(scales)
+            selector = PointSelector(selector.nms_radius if nms_radius is None else nms_radius, subpixel)
+        except ValueError as error:
+            raise BadInputError(str(error)) from error
+        return cls(network, selector, device)
 
     def __call__(self, image: str | Path | np.ndarray[Any, Any] | Tensor | Any, n: int = 50) -> Keypoints:
         """The ``n`` points of ``image`` most likely to be inliers (fewer, if it has not so many), best first.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import torch
 import torch.nn.functional as F
@@ -54,7 +54,7 @@ class ScoreNetwork(nn.Module):
                 f"a pyramid needs 1 to {MOST_SCALES} scales and a scale_factor above 1 and up to {LARGEST_FACTOR}, not "
                 f"{scales} and {scale_factor}"
             )
-        self.config = {
+        self.config: dict[str, Any] = {
             "depth": depth,
             "width": width,
             "leaky_slope": leaky_slope,
@@ -82,6 +82,12 @@ class ScoreNetwork(nn.Module):
         for parameter in self.parameters():
             if parameter.ndim == 4:  # channels last halves the time on a CPU
                 parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
+
+    def with_scales(self, scales: int) -> ScoreNetwork:
+        """A network of the same weights for a pyramid of ``scales`` levels. Raises ValueError for a number out of range."""
+        network = ScoreNetwork(**{**self.config, "scales": scales})
+        network.load_state_dict(self.state_dict())
+        return network.train(self.training)
 
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W) with values 0 to 255."""

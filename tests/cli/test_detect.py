@@ -170,6 +170,11 @@ def test_suppression_and_fit_as_asked(detect, frames, folders):
     assert (np.abs(xy[:, None] - xy).max(2) + 99 * np.eye(len(xy))).min() > 12
 
 
+def test_several_scales_as_asked(detect, frames, folders):
+    assert detect(frames / "000.png", "n=500", "scales=3", "format=npz").code == 0
+    assert set(np.round(read(folders / "points" / "000.npz")["scales"] ** 2)) == {1, 2, 4}
+
+
 def test_a_second_run_replaces_the_first(detect, frames, folders):
     assert detect(frames, "n=30").code == 0
     assert detect(frames, "n=5").code == 0
@@ -227,6 +232,7 @@ def test_keys_that_must_be_set(command, key):
         ("confidence=1", "confidence is 1"),
         ("n_max=0", "n_max is 0"),
         ("nms_radius=-1", "nms_radius is -1"),
+        ("scales=0", "1 to 32 scales"),
         ("format=png", "format is png"),
         ("format=[]", "format is []"),
         ("device=tpu", "device is tpu"),

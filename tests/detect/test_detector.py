@@ -232,6 +232,18 @@ def test_from_a_checkpoint(tmp_path):
     np.testing.assert_array_equal(coarse.xy, np.rint(coarse.xy))
 
 
+def test_other_suppression_and_more_scales_than_the_checkpoint_has(tmp_path):
+    path = save_lightning(tmp_path / "best.ckpt", tiny_network(), PointSelector(3))
+    same(SipsDetector.from_checkpoint(path, nms_radius=1)(GREY), tiny_detector(nms_radius=1)(GREY))
+    several = SipsDetector.from_checkpoint(path, scales=3)(GREY)
+    assert set(np.round(several.scale**2)) == {1, 2, 4}
+    same(several, SipsDetector(tiny_network().with_scales(3), PointSelector(3))(GREY))
+    with pytest.raises(BadInputError, match="nms_radius is -1"):
+        SipsDetector.from_checkpoint(path, nms_radius=-1)
+    with pytest.raises(BadInputError, match="1 to 32 scales"):
+        SipsDetector.from_checkpoint(path, scales=0)
+
+
 def test_a_big_endian_pil_image_and_one_in_lab():
     deep = PIL.Image.frombytes("I;16B", GREY.shape[::-1], (GREY.astype(">u2") * 257).tobytes())
     np.testing.assert_array_equal(as_grey(deep), GREY)
