@@ -18,7 +18,7 @@ from sips_lit.cli.arguments import holds_path
 from sips_lit.detect.checkpoint import read_checkpoint
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.checkpoint_io import sound_checkpoint
-from sips_lit.train.datamodule import PairDataModule
+from sips_lit.train.validation_data import ValidationDataModule
 
 TRAINER: Final = ("accumulate_grad_batches", "gradient_clip_val", "limit_val_batches")
 WITHOUT_EFFECT: Final = frozenset({"loading_workers", "labelling_workers", "index_folder"})
@@ -34,7 +34,7 @@ class Start:
     step: int
 
 
-def record_of(config: DictConfig, data: PairDataModule, trainer: L.Trainer) -> dict[str, dict[str, Any]]:
+def record_of(config: DictConfig, data: ValidationDataModule, trainer: L.Trainer) -> dict[str, dict[str, Any]]:
     """What a run is, by the keys that a user sets, with plain values, for its checkpoints.
 
     ``identity``: what it trains, on which frames, from which seed, how it is optimised and validated; ``told``: what may

@@ -28,8 +28,8 @@ from sips_lit.cli.methods import make_methods
 from sips_lit.cli.resuming import find_start, flat, record_of
 from sips_lit.detect.checkpoint import export_safetensors
 from sips_lit.errors import BadInputError, warn_input
-from sips_lit.train.datamodule import PairDataModule
-from sips_lit.train.module import SipsModule
+from sips_lit.train.score_module import ScoreModule
+from sips_lit.train.validation_data import ValidationDataModule
 
 RUN_METRIC = "best_succinctness_auc"
 
@@ -39,8 +39,8 @@ def train(config: DictConfig) -> float:
     cv2.setNumThreads(1)  # the labelling threads share the cores with the network
     L.seed_everything(config.seed, workers=True, verbose=False)
     interval = pairs_between_validations(config.trainer)
-    data: PairDataModule = build(config.datamodule)
-    module: SipsModule = build(config.module)
+    data: ValidationDataModule = build(config.datamodule)
+    module: ScoreModule = build(config.module)
     callbacks = make_callbacks(config)
     if config.module.points < config.k:
         raise BadInputError(
@@ -103,7 +103,7 @@ def comparison(config: DictConfig, checkpoint: Path) -> DictConfig:
     return OmegaConf.create({**keys, "checkpoint": str(checkpoint), "paths": paths})
 
 
-def check_comparison(config: DictConfig, module: SipsModule) -> None:
+def check_comparison(config: DictConfig, module: ScoreModule) -> None:
     """Prepares the comparison that follows a run, with the network as it is: its mistakes end the run before it trains.
 
     Raises BadInputError for whatever the comparison can't use, and for a detector of its list that can't be made.
@@ -163,7 +163,7 @@ def _best(trainer: L.Trainer) -> tuple[Path | None, float]:
     return Path(getattr(checkpoint, "best_model_path", "")), float(score)
 
 
-def _report(data: PairDataModule, best: Path | None, auc: float, folder: Path, outputs: Path) -> None:
+def _report(data: ValidationDataModule, best: Path | None, auc: float, folder: Path, outputs: Path) -> None:
     if data.skipped.count:
         print(f"warning: {data.skipped}", file=sys.stderr)
     print(f"\nbest validation AUC {auc:.3f} on {len(data.val_choices)} fixed pairs ({data.validation_digest()})")

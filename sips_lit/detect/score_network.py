@@ -95,7 +95,15 @@ class ScoreNetwork(nn.Module):
 
     def pad(self, image: Tensor) -> Tensor:
         """Scaled image with ``radius`` replicated pixels on every side."""
-        return F.pad((image - 127.0) / 64.0, (self.radius,) * 4, mode="replicate")
+        return F.pad(_scale(image), (self.radius,) * 4, mode="replicate")
+
+    def interior(self, image: Tensor, margin: int) -> Tensor:
+        """Logits (B, 1, H - 2 margin, W - 2 margin) of the pixels that are ``margin`` >= ``radius`` away from every border.
+
+        No pixel is replicated: they are those that the network gives within a larger image.
+        """
+        cut = margin - self.radius
+        return self.valid(_scale(image[..., cut : image.shape[-2] - cut, cut : image.shape[-1] - cut]))
 
     def valid(self, padded: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of padded, scaled images (B, 1, H + 2 radius, W + 2 radius)."""
@@ -122,3 +130,8 @@ class ScoreNetwork(nn.Module):
         size = 2 * self.radius + 1
         windows = self.pad(image)[0, 0].unfold(0, size, 1).unfold(1, size, 1)
         return self.valid(windows[rows, columns].unsqueeze(1)).flatten()
+
+
+def _scale(image: Tensor) -> Tensor:
+    """Grey values 0 to 255 as the first layer gets them."""
+    return (image - 127.0) / 64.0

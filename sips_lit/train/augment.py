@@ -89,6 +89,26 @@ class Augmentation:
         )
         return replace(pair, image0=next(images), image1=next(images))
 
+    def change_shape(self, image: GreyImage, generator: np.random.Generator) -> GreyImage:
+        """A single image (H, W) uint8 without labels, mirrored, transposed, turned, scaled and shrunk at random."""
+        mirrored = [generator.random() < self.flip for _ in range(2)]
+        image = image[tuple(slice(None, None, -1 if axis else 1) for axis in mirrored)]
+        if self.transpose and generator.random() < self.transpose:
+            image = image.T
+        image = np.ascontiguousarray(image)
+        if self.rotation or self.log2_scale:
+            angle = generator.uniform(-self.rotation, self.rotation)
+            image, _ = turn_and_scale(image, angle, 2 ** generator.uniform(-self.log2_scale, self.log2_scale))
+        if self.log2_shrink or self.log2_zoom:
+            image = shrink(image, 2 ** generator.uniform(0, self.log2_shrink + self.log2_zoom))
+        return image
+
+    def change_look(self, image: GreyImage, generator: np.random.Generator) -> GreyImage:
+        """A single image (H, W) uint8 without labels as it is, or as a negative or photometrically changed, at random."""
+        if self.invert and generator.random() < self.invert:
+            image = 255 - image
+        return self.change_light(image, generator) if generator.random() < self.photometric else image
+
     def change_light(self, image: GreyImage, generator: np.random.Generator) -> GreyImage:
         """A photometrically changed copy of an image (H, W) uint8."""
         height, width = image.shape
@@ -175,12 +195,13 @@ def shrink_images(pair: FramePair, factor0: float, factor1: float) -> FramePair:
 
     `sips_lit.train.labelling.label_pair` finds the points of a smaller image in its frame.
     """
-
-    def shrink(image: GreyImage, factor: float) -> GreyImage:
-        size = max(1, round(image.shape[1] / factor)), max(1, round(image.shape[0] / factor))
-        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-
     return replace(pair, image0=shrink(pair.image0, factor0), image1=shrink(pair.image1, factor1))
+
+
+def shrink(image: GreyImage, factor: float) -> GreyImage:
+    """The image (H, W) made smaller by a factor >= 1."""
+    size = max(1, round(image.shape[1] / factor)), max(1, round(image.shape[0] / factor))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def turn_and_scale(image: GreyImage, angle: float, scale: float) -> tuple[GreyImage, NDArray[np.float64]]:

@@ -1,41 +1,33 @@
-"""The DataModule: overlap indexes, pairs, and labels made one step ahead."""
+"""The DataModule of training from pairs: overlap indexes, pairs, and labels made one step ahead."""
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import lightning as L
-import numpy as np
 import torch
-from lightning.pytorch.utilities import rank_zero_only
-from torch.utils.data import DataLoader, DistributedSampler
 
-from sips_lit.errors import BadInputError, warn_input
-from sips_lit.frames.source import Source, as_sources, split_tail
-from sips_lit.pairs.build import build_indexes, unreadable_frames
+from sips_lit.errors import BadInputError
+from sips_lit.frames.source import Source
+from sips_lit.pairs.build import unreadable_frames
 from sips_lit.pairs.overlap import OverlapParameters
-from sips_lit.pairs.sampler import FixedPairs, PairChoice, SourceSampler, read_pair
 from sips_lit.train.augment import Augmentation
-from sips_lit.train.dataset import PackedPairs, SkippedPairs, TrainingPairs
-from sips_lit.train.loader import LOADING_TIMEOUT, LabelledPair, OneStepAhead
+from sips_lit.train.dataset import PackedPairs, TrainingPairs
+from sips_lit.train.loader import LabelledPair, OneStepAhead
+from sips_lit.train.stream import LOADING_TIMEOUT
+from sips_lit.train.validation_data import ValidationDataModule, warn_unreadable
 from sips_lit.types import Descriptor, ImageSequence, InlierCheck
 
 
-class PairDataModule(L.LightningDataModule):
+class PairDataModule(ValidationDataModule):
     """Pairs of frames with enough overlap, with labels for the points that the network selects.
 
-    ``data``: sequences, or sources with weights; ``val_data``: the same for validation, or None to keep the last
-    ``val_fraction`` of every training sequence for it; ``overlap``: least overlap of a pair; ``spread``: see
-    `PairSampler`; ``budgets``: see `label_pair`; ``between``: see `OneStepAhead`; ``val_pairs``: how many fixed pairs
-    validate; ``loading_workers``: processes that decode and augment; ``labelling_workers``: threads that describe, match and
-    track; ``loading_timeout``: seconds without a pair after which the loading workers count as hung; ``index_folder``:
-    where overlap indexes are kept. Raises BadInputError for data or numbers that can't train.
+    ``budgets``: see `label_pair`; ``between``: see `OneStepAhead`; ``labelling_workers``: threads that describe, match and
+    track; the others, and what is raised: see `ValidationDataModule`.
     """
+
+    what = "training pair"
 
     def __init__(
         self,
@@ -57,78 +49,43 @@ class PairDataModule(L.LightningDataModule):
         loading_timeout: float = LOADING_TIMEOUT,
         seed: int = 0,
     ) -> None:
-        super().__init__()
-        self.descriptor, self.inliers, self.augmentation = descriptor, inliers, augmentation
-        self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
-        self.overlap, self.spread, self.val_pairs, self.seed = overlap, spread, val_pairs, seed
-        self.loading_workers, self.labelling_workers = loading_workers, labelling_workers
-        self.loading_timeout, self.budgets, self.between = loading_timeout, list(budgets), between
-        self.skipped = SkippedPairs()
-        if val_data is None:
-            self.sources, self.val_sources = split_tail(as_sources(data), val_fraction)
-        else:
-            self.sources, self.val_sources = as_sources(data), as_sources(val_data)
+        super().__init__(
+            data,
+            descriptor,
+            inliers,
+            index_folder,
+            val_data,
+            overlap_parameters,
+            overlap,
+            spread,
+            val_fraction,
+            val_pairs,
+            loading_workers,
+            loading_timeout,
+            seed,
+        )
         if any(n < 1 for n in budgets):
             raise BadInputError(f"datamodule.budgets are numbers of points from 1 on, and are {list(budgets)}")
         if between < 0:
             raise BadInputError(f"datamodule.between counts frames between two, from 0, and is {between}")
-        if not loading_timeout > 0:
-            raise BadInputError(f"loading_timeout is {loading_timeout}: give a number of seconds above 0")
-        if not self.sources or not self.val_sources:
-            raise BadInputError(
-                f"the sequences are too short to keep {val_fraction:.0%} of each for validation: give more frames, a larger "
-                "datamodule.val_fraction, or validation data of its own (data@val_data=... val_data.path=...)"
-            )
-
-    def check_of(self, source: Source) -> InlierCheck:
-        """The inlier check that labels or verifies pairs of a source."""
-        return source.inliers or self.inliers
+        self.augmentation, self.labelling_workers = augmentation, labelling_workers
+        self.budgets, self.between = list(budgets), between
 
     def prepare_data(self) -> None:
-        """Measures the overlap indexes that are missing (on one process of each machine)."""
-        for sources in (self.sources, self.val_sources):
-            self._sampler(sources)  # tells of data without pairs before processes start
+        """Measures the overlap indexes that are missing, those of the training data, too."""
+        self._sampler(self.sources)
+        super().prepare_data()
 
     def setup(self, stage: str) -> None:
         """Reads the indexes and fixes the validation pairs; warns of frames that can't be read, which are in no pair."""
-        self.sampler, val_sampler = self._sampler(self.sources), self._sampler(self.val_sources)
+        self.sampler = self._sampler(self.sources)
         warn_unreadable("frames of the training data", unreadable_frames(self.sampler.indexes))
-        warn_unreadable("frames of the validation data", unreadable_frames(val_sampler.indexes))
-        unreadable: list[str] = []
-
-        def usable(at: int, choice: PairChoice) -> bool:
-            source = self.val_sources[at]
-            sequence, check = source.sequences[choice.sequence], self.check_of(source)
-            if not check.uses_depth and sequence.homography(choice.index0, choice.index1) is None:
-                return True  # the overlap index has seen all that is read of it
-            try:
-                read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
-            except BadInputError as error:
-                unreadable.append(str(error))
-                return False
-            return True
-
-        self.val_choices = val_sampler.fixed(self.val_pairs, usable)
-        warn_unreadable("validation pairs", unreadable)
-        if not self.val_choices:
-            raise BadInputError(f"no validation pair can be read; the first: {unreadable[0]}")
-        if len(self.val_choices) < self.val_pairs:
-            warn_input(
-                f"{self.val_pairs} validation pairs are asked for, and only {len(self.val_choices)} different ones "
-                f"overlap by {self.overlap:g}"
-            )
-
-    def _sampler(self, sources: list[Source]) -> SourceSampler:
-        sequences = [sequence for source in sources for sequence in source.sequences]
-        indexes = build_indexes(sequences, self.index_folder, self.overlap_parameters, self.loading_workers)
-        return SourceSampler(sources, indexes, self.overlap, self.seed, spread=self.spread)
+        super().setup(stage)
 
     def train_dataloader(self) -> OneStepAhead:
         """Labelled pairs; the points are selected by the module that is being trained."""
-        trainer = self.trainer
-        if trainer is None or trainer.max_steps <= 0:
-            raise BadInputError("training is counted in steps: set trainer.max_steps to a positive number")
-        steps = trainer.max_steps * trainer.accumulate_grad_batches * trainer.world_size
+        steps, trainer = self.training_steps(), self.trainer
+        assert trainer is not None
         pairs = TrainingPairs(self.sources, self.sampler, self.inliers, self.augmentation, steps)
         select: Any = trainer.lightning_module.select
         return OneStepAhead(
@@ -146,59 +103,6 @@ class PairDataModule(L.LightningDataModule):
             between=self.between,
         )
 
-    def val_dataloader(self) -> DataLoader[Any]:
-        """Fixed pairs, packed; each process takes its share, and as many as any other: see `repeated`."""
-        pairs = PackedPairs(FixedPairs(self.val_sources, self.val_choices, self.inliers))
-        ranks, rank = self._processes
-        sampler: DistributedSampler[Any] = DistributedSampler(pairs, ranks, rank, shuffle=False)
-        return DataLoader(pairs, batch_size=None, num_workers=0, sampler=sampler)
-
-    def repeated(self, batch_idx: int) -> bool:
-        """Whether validation batch ``batch_idx`` of this process is a pair that counted before, in one of the processes.
-
-        Where the number of pairs is no multiple of that of processes, the sampler begins again with the first pair.
-        """
-        ranks, rank = self._processes
-        return batch_idx * ranks + rank >= len(self.val_choices)
-
-    @property
-    def _processes(self) -> tuple[int, int]:
-        """How many processes train, and which of them this is."""
-        return (self.trainer.world_size, self.trainer.global_rank) if self.trainer else (1, 0)
-
     def transfer_batch_to_device(self, batch: Any, device: torch.device, dataloader_idx: int) -> Any:
         """Only the images of a labelled pair go to the device."""
         return batch.to(device) if isinstance(batch, LabelledPair) else batch
-
-    def data_digest(self) -> str:
-        """Changes when the frames or the weights of the sources change, of training or of validation."""
-        used = [
-            (source.name, source.weight, [(s.name, s.fingerprint, len(s)) for s in source.sequences])
-            for source in (*self.sources, *self.val_sources)
-        ]
-        return hashlib.sha256(repr(used).encode()).hexdigest()[:16]
-
-    def sample_digest(self, count: int = 32) -> str:
-        """Changes when names, numbers or pixels of some frames do; a copy that has other file times has the same."""
-        sequences = [s for source in (*self.sources, *self.val_sources) for s in source.sequences]
-        lengths = [len(sequence) for sequence in sequences]
-        digest, ends = hashlib.sha256(repr(([s.name for s in sequences], lengths)).encode()), np.cumsum(lengths)
-        for place in np.linspace(0, ends[-1] - 1, count).astype(int):
-            at = int(np.searchsorted(ends, place, side="right"))
-            with contextlib.suppress(BadInputError):  # a damaged frame counts by its place only
-                digest.update(sequences[at].frame(int(place - ends[at] + lengths[at])).tobytes())
-        return digest.hexdigest()[:16]
-
-    def validation_digest(self) -> str:
-        """Changes when the validation pairs change: curves of different runs compare only where it is the same."""
-        names = [(self.val_sources[at].sequences[choice.sequence].name, choice) for at, choice in self.val_choices]
-        return hashlib.sha256(repr(names).encode()).hexdigest()[:8]
-
-
-@rank_zero_only
-def warn_unreadable(what: str, reasons: Sequence[str]) -> None:
-    """One line on standard error about what is left out because it can't be read, if there is any."""
-    if reasons:
-        print(
-            f"warning: {what} can't be read and are left out ({len(reasons)}); the first: {reasons[0]}", file=sys.stderr
-        )

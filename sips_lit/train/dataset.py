@@ -61,28 +61,31 @@ class TrainingPairs:
         raise BadInputError(f"{TRIES} training pairs in a row can't be read; the first: {skipped[0]}")
 
 
-class SkippedPairs:
-    """Counts the pairs that a run left out; warns of the first, and refuses to go on with less than half of the pairs."""
+class SkippedItems:
+    """Counts what a run left out, of its pairs or frames, which ``what`` names.
 
-    def __init__(self) -> None:
-        self.count, self.first = 0, ""
+    Warns of the first, and refuses to go on with less than half of them.
+    """
 
-    def add(self, reasons: Sequence[str], pairs: int) -> None:
-        """Counts pairs left out, one reason each, before pair number ``pairs`` (from 1) of a run.
+    def __init__(self, what: str = "training pair") -> None:
+        self.what, self.count, self.first = what, 0, ""
 
-        Raises BadInputError when more than half of all pairs can't be read.
+    def add(self, reasons: Sequence[str], taken: int) -> None:
+        """Counts items left out, one reason each, before item number ``taken`` (from 1) of a run.
+
+        Raises BadInputError when more than half of all items can't be read.
         """
         if reasons and not self.count:
             self.first = reasons[0]
-            warn_input(f"a training pair is left out, and others may be: {self.first}")
+            warn_input(f"a {self.what} is left out, and others may be: {self.first}")
         self.count += len(reasons)
-        if self.count >= TRUSTED and self.count > pairs:
+        if self.count >= TRUSTED and self.count > taken:
             raise BadInputError(
-                f"{self.count} of the first {self.count + pairs} training pairs can't be read; the first: {self.first}"
+                f"{self.count} of the first {self.count + taken} {self.what}s can't be read; the first: {self.first}"
             )
 
     def __str__(self) -> str:
-        return f"{self.count} training pairs were left out; the first: {self.first}"
+        return f"{self.count} {self.what}s were left out; the first: {self.first}"
 
     def state_dict(self) -> dict[str, Any]:
         """Plain values, as a checkpoint may hold."""
@@ -99,6 +102,8 @@ class PackedPairs(Dataset[dict[str, Any] | BadInputError]):
     Tensors go through shared memory, arrays through a pipe. A pair that can't be read passes as its error, since an
     exception in a worker would lose its message in a traceback.
     """
+
+    what = "training pair"
 
     def __init__(self, pairs: TrainingPairs | FixedPairs) -> None:
         self.pairs = pairs

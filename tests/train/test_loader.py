@@ -1,4 +1,3 @@
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -15,7 +14,7 @@ from train_stream import LENGTH, Learner, after_interruption, assert_same, loade
 from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.train.loader import LabelledPair, OneStepAhead, _quiet_worker
+from sips_lit.train.loader import LabelledPair, OneStepAhead
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +157,7 @@ def test_a_worker_that_dies_while_it_is_read_from_is_a_lost_worker(error, monkey
         def __next__(self):
             raise error
 
-    monkeypatch.setattr("sips_lit.train.loader.DataLoader", Dying)
+    monkeypatch.setattr("sips_lit.train.stream.DataLoader", Dying)
     learner = Learner()
     with pytest.raises(RuntimeError, match=r"DataLoader worker .* exited unexpectedly"):
         run(loader(learner, 1), learner)
@@ -172,7 +171,7 @@ def stored_after(stop: int, monkeypatch) -> dict:
         stream = loader(learner, first=first, stride=2)
         run(stream, learner, stop)
         own += stream.state_dict()["processes"]
-    monkeypatch.setattr("sips_lit.train.loader._of_all_processes", lambda _: own)
+    monkeypatch.setattr("sips_lit.train.loader.of_all_processes", lambda _: own)
     return stream.state_dict()
 
 
@@ -198,29 +197,6 @@ def test_another_number_of_processes_goes_on_at_the_same_place(monkeypatch):
     rest = run(alone, learner)
     assert [pair.name for pair in rest] == names[2:]
     assert learner.events[:5] == [("select", 0)] * 4 + [("step", 0)]  # not the points that the two processes had
-
-
-def work(ready) -> None:
-    _quiet_worker(True, 0)
-    ready.set()
-    time.sleep(30)
-
-
-@pytest.mark.skipif(not hasattr(signal, "sigwaitinfo"), reason="the sender of a signal is known on Linux only")
-def test_a_worker_ends_when_its_parent_asks_and_not_with_the_whole_group():
-    context = multiprocessing.get_context("fork")
-    ready = context.Event()
-    worker = context.Process(target=work, args=(ready,))
-    worker.start()
-    assert ready.wait(20)
-    for name in ("SIGTERM", "SIGINT"):
-        send = f"import os, signal; os.kill({worker.pid}, signal.{name})"
-        subprocess.run([sys.executable, "-c", send], check=True)
-    time.sleep(0.3)
-    assert worker.is_alive()
-    worker.terminate()
-    worker.join(10)
-    assert worker.exitcode == 0
 
 
 def stop_workers() -> None:
@@ -259,7 +235,7 @@ class Hanging:
 
     def __init__(self, pairs, index: int) -> None:
         self.pairs, self.index = pairs, index
-        self.name = pairs.name
+        self.name, self.what = pairs.name, pairs.what
 
     def __len__(self) -> int:
         return len(self.pairs)

@@ -12,7 +12,7 @@ from sips_lit.frames.source import Source
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.pairs.sampler import SourceSampler
 from sips_lit.train.augment import Augmentation
-from sips_lit.train.dataset import PackedPairs, SkippedPairs, TrainingPairs
+from sips_lit.train.dataset import PackedPairs, SkippedItems, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead
 
 LENGTH = 14
@@ -119,7 +119,7 @@ def test_too_many_that_cannot_be_read():
 
 @pytest.mark.parametrize(("pairs", "enough"), [(50, True), (49, False), (500, True)])
 def test_half_of_the_pairs_is_enough(pairs, enough):
-    skipped = SkippedPairs()
+    skipped = SkippedItems()
     skipped.add(["a is damaged"] * 20, 1)
     skipped.add(["b is damaged"] * 29, 2)  # so few pairs do not tell
     if enough:

@@ -1,0 +1,77 @@
+import multiprocessing
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import torch.multiprocessing as mp
+
+from sips_lit.errors import BadInputError
+from sips_lit.train.stream import _quiet_worker, loaded, of_all_processes
+
+
+class Squares:
+    """Items that are the squares of their indices; one of them may hang."""
+
+    what = "square"
+
+    def __init__(self, length: int, hangs_at: int | None = None) -> None:
+        self.length, self.hangs_at = length, hangs_at
+
+    def name(self, index: int) -> str:
+        return f"that of {index}"
+
+    def __len__(self) -> int:
+        return self.length
+
+    def __getitem__(self, index: int) -> int:
+        if index == self.hangs_at:
+            signal.pause()
+        return index * index
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_the_items_of_some_indices_come_in_order(workers):
+    assert list(loaded(Squares(20), range(3, 20, 4), workers, 30)) == [9, 49, 121, 225, 361]
+    assert list(loaded(Squares(20), range(0), workers, 30)) == []
+    assert mp.active_children() == []
+
+
+@pytest.mark.filterwarnings("ignore:no square came")
+def test_an_item_that_never_comes_is_told_by_its_name():
+    taken = []
+    with pytest.raises(
+        BadInputError, match=r"no square came for 1 s \(the next is that of 4\), from new loading workers"
+    ):
+        for item in loaded(Squares(20, hangs_at=4), range(0, 20, 2), 1, 1.0):
+            taken.append(item)
+    assert taken == [0, 4]
+    assert mp.active_children() == []
+
+
+def test_one_process_has_its_own_state_only():
+    assert of_all_processes({"a": 1}) == [{"a": 1}]
+
+
+def work(ready) -> None:
+    _quiet_worker(True, 0)
+    ready.set()
+    time.sleep(30)
+
+
+@pytest.mark.skipif(not hasattr(signal, "sigwaitinfo"), reason="the sender of a signal is known on Linux only")
+def test_a_worker_ends_when_its_parent_asks_and_not_with_the_whole_group():
+    context = multiprocessing.get_context("fork")
+    ready = context.Event()
+    worker = context.Process(target=work, args=(ready,))
+    worker.start()
+    assert ready.wait(20)
+    for name in ("SIGTERM", "SIGINT"):
+        send = f"import os, signal; os.kill({worker.pid}, signal.{name})"
+        subprocess.run([sys.executable, "-c", send], check=True)
+    time.sleep(0.3)
+    assert worker.is_alive()
+    worker.terminate()
+    worker.join(10)
+    assert worker.exitcode == 0
