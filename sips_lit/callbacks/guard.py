@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import threading
-from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -20,7 +19,6 @@ from torch import Tensor
 
 from sips_lit.errors import BadInputError, TrainingInterrupted
 from sips_lit.files import make_folder, write_whole
-from sips_lit.train.loader import LabelledPair
 
 SECONDS_TO_END = 10  # of a process that has stopped together with the first one
 
@@ -33,7 +31,7 @@ class NonFiniteGuard(L.Callback):
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
-        self.batch: LabelledPair | None = None
+        self.batch: Any = None
 
     def on_train_batch_start(
         self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int
@@ -47,7 +45,7 @@ class NonFiniteGuard(L.Callback):
             return
         make_folder(self.folder)
         path, content = self.folder / "nonfinite_batch.pt", io.BytesIO()
-        torch.save(_plain(self.batch), content)
+        torch.save({} if self.batch is None else self.batch.plain(), content)
         write_whole(path, content.getbuffer())
         raise BadInputError(
             f"the loss became {float(loss.detach())} at step {trainer.global_step}: the batch is saved as {path}; lower "
@@ -148,16 +146,3 @@ class LastValidation(L.Callback):
         """Ends the fit after the last step, which makes the trainer validate."""
         if trainer.global_step >= trainer.max_steps:
             trainer.should_stop = True
-
-
-def _plain(batch: LabelledPair | None) -> dict[str, Any]:
-    """A batch as tensors, numbers and strings, which load without running code."""
-    if batch is None:
-        return {}
-    plain: dict[str, Any] = {"name": batch.name, "image0": batch.image0.cpu(), "image1": batch.image1.cpu()}
-    for side, points, labels in (("0", batch.points0, batch.labels0), ("1", batch.points1, batch.labels1)):
-        arrays = {**asdict(points.keypoints), "row": points.row, "column": points.column, **asdict(labels)}
-        for name, array in arrays.items():
-            if array is not None:
-                plain[f"{name}{side}"] = torch.from_numpy(array.copy())
-    return plain

@@ -49,8 +49,9 @@ class Prospects(L.Callback):
     def on_train_batch_end(
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
-        """Counts a pair, and warns after a stretch."""
-        assert isinstance(batch, LabelledPair)
+        """Counts a pair, and warns after a stretch; a batch without labels says nothing."""
+        if not isinstance(batch, LabelledPair):
+            return
         points, reasons = (
             min(len(batch.points0), len(batch.points1)),
             _count(batch.labels0.reason, batch.labels1.reason),

@@ -16,6 +16,7 @@ from sips_lit.files import LONGEST_NAME, can_be_path
 
 PATH_KEYS: Final = frozenset(
     {"path", "root", "input", "output", "checkpoint", "ckpt_path", "pairs_file", "features", "images", "weights"}
+    | {"init", "teacher"}
     | {"cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir", "names"}
 )
 """Last parts of the keys that hold paths and names of files; all keys of the group ``paths`` do, too."""

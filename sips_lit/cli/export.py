@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import torch
 from omegaconf import DictConfig
 
 from sips_lit.cli.app import run, typed
-from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint
-from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint, require_finite
 from sips_lit.errors import BadInputError
 from sips_lit.export.onnx import SHAPES, export_onnx
 from sips_lit.files import make_folder
@@ -76,12 +74,6 @@ def output_path(options: ExportOptions) -> Path:
     if path.suffix != suffix:
         raise BadInputError(f"output is {path}: name a file that ends in {suffix}")
     return path
-
-
-def require_finite(network: ScoreNetwork, checkpoint: str) -> None:
-    """Raises BadInputError when a weight is NaN or infinite."""
-    if not all(bool(torch.isfinite(parameter).all()) for parameter in network.parameters()):
-        raise BadInputError(f"{checkpoint} holds weights that are not finite (a diverged training): use another one")
 
 
 main = partial(run, "export", export)

@@ -15,14 +15,21 @@ from omegaconf import DictConfig, OmegaConf
 from sips_lit.callbacks.continuation import RECORD
 from sips_lit.cli.app import origin
 from sips_lit.cli.arguments import holds_path
-from sips_lit.detect.checkpoint import read_checkpoint
+from sips_lit.detect.checkpoint import digest_of, read_checkpoint
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.checkpoint_io import sound_checkpoint
+from sips_lit.train.score_module import ScoreModule
 from sips_lit.train.validation_data import ValidationDataModule
 
 TRAINER: Final = ("accumulate_grad_batches", "gradient_clip_val", "limit_val_batches")
 WITHOUT_EFFECT: Final = frozenset({"loading_workers", "labelling_workers", "index_folder"})
-FRAMES, SAMPLE, STEPS, PRECISION = "frames", "sample of frames", "trainer.max_steps", "trainer.precision"
+START, FRAMES, SAMPLE, STEPS, PRECISION = (
+    "weights of init",
+    "frames",
+    "sample of frames",
+    "trainer.max_steps",
+    "trainer.precision",
+)
 TOLD = 6  # differences that a sentence names
 
 
@@ -34,10 +41,12 @@ class Start:
     step: int
 
 
-def record_of(config: DictConfig, data: ValidationDataModule, trainer: L.Trainer) -> dict[str, dict[str, Any]]:
+def record_of(
+    config: DictConfig, data: ValidationDataModule, trainer: L.Trainer, module: ScoreModule
+) -> dict[str, dict[str, Any]]:
     """What a run is, by the keys that a user sets, with plain values, for its checkpoints.
 
-    ``identity``: what it trains, on which frames, from which seed, how it is optimised and validated; ``told``: what may
+    ``identity``: what it trains, on which frames, from which seed and weights, how it is optimised and validated; ``told``: what may
     change while it stays the same run: its length, its precision (another machine has another), where its data are, and
     times of their files (a copy has others), as long as the frames look the same.
     """
@@ -49,6 +58,8 @@ def record_of(config: DictConfig, data: ValidationDataModule, trainer: L.Trainer
     named = {origin(key, plain): value for key, value in values.items() if key.rpartition(".")[2] not in WITHOUT_EFFECT}
     paths = {key: value for key, value in named.items() if holds_path(key)}
     identity = {key: value for key, value in named.items() if key not in paths}
+    identity |= {} if config.init is None else {START: digest_of(module.network)}
+    identity |= module.learns_from
     identity |= {"processes": trainer.num_nodes * trainer.num_devices, FRAMES: data.data_digest()}
     told = {**paths, STEPS: config.trainer.max_steps, PRECISION: config.trainer.precision, SAMPLE: data.sample_digest()}
     return {"identity": identity, "told": told}

@@ -20,13 +20,14 @@ from omegaconf import DictConfig, OmegaConf
 from torch.utils.tensorboard.summary import hparams
 
 from sips_lit.callbacks.continuation import Continuation
+from sips_lit.callbacks.fine_tuning import FineTuning
 from sips_lit.callbacks.prospects import Prospects
 from sips_lit.cli.app import build, explain, run
 from sips_lit.cli.benchmark import benchmark
 from sips_lit.cli.evaluation import make_pair_sets
 from sips_lit.cli.methods import make_methods
 from sips_lit.cli.resuming import find_start, flat, record_of
-from sips_lit.detect.checkpoint import export_safetensors
+from sips_lit.detect.checkpoint import export_safetensors, start_from
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.score_module import ScoreModule
 from sips_lit.train.validation_data import ValidationDataModule
@@ -41,6 +42,8 @@ def train(config: DictConfig) -> float:
     interval = pairs_between_validations(config.trainer)
     data: ValidationDataModule = build(config.datamodule)
     module: ScoreModule = build(config.module)
+    if config.init is not None:
+        start_from(module.network, config.init)
     callbacks = make_callbacks(config)
     if config.module.points < config.k:
         raise BadInputError(
@@ -49,8 +52,10 @@ def train(config: DictConfig) -> float:
     trainer: L.Trainer = build(
         config.trainer, callbacks=callbacks, logger=build(config.logger), val_check_interval=interval
     )
-    record = record_of(config, data, trainer)
-    trainer.callbacks.append(Continuation(record))  # type: ignore[attr-defined]  # set by the trainer's connector
+    record = record_of(config, data, trainer, module)
+    fine_tuning = FineTuning() if config.init is not None else None
+    own = [Continuation(record), *([] if fine_tuning is None else [fine_tuning])]
+    trainer.callbacks.extend(own)  # type: ignore[attr-defined]  # set by the trainer's connector
     start = find_start(config, record)
     if config.compare is not None and trainer.is_global_zero:
         check_comparison(config, module)
@@ -80,6 +85,8 @@ def train(config: DictConfig) -> float:
         warn_input(told)  # a search goes on with it as the lowest score
         return auc
     _report(data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
+    if fine_tuning is not None:
+        print(f"fine-tuning: {fine_tuning.told(auc, config.init)}")
     if config.compare is not None and best is not None:
         benchmark(comparison(config, best))
     return auc

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zipfile
 from collections.abc import Mapping
@@ -22,6 +23,7 @@ from sips_lit.files import write_whole
 
 METADATA_KEY = "sips_lit"
 PREFIX = "network."
+ARCHITECTURE = ("depth", "width", "leaky_slope", "scales", "scale_factor", "derivatives")  # all but what a start has
 
 
 def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
@@ -48,6 +50,39 @@ def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
             f"{path} is not a checkpoint of a sips_lit score network ({reason}): use one of sips-train"
         ) from error
     return network.eval(), selector
+
+
+def load_network(path: str | Path) -> ScoreNetwork:
+    """The network of a file alone. Raises BadInputError as `load_checkpoint`, and for weights that are not finite."""
+    network, _ = load_checkpoint(path)
+    require_finite(network, path)
+    return network
+
+
+def require_finite(network: ScoreNetwork, path: str | Path) -> None:
+    """Raises BadInputError when a weight of the network of a file is NaN or infinite."""
+    if not all(bool(torch.isfinite(parameter).all()) for parameter in network.parameters()):
+        raise BadInputError(f"{path} holds weights that are not finite (a diverged training): use another one")
+
+
+def start_from(network: ScoreNetwork, path: str | Path) -> None:
+    """Gives a network the weights of a file. Raises BadInputError where that is of another network, or can't be used."""
+    other = load_network(path)
+    names = [name for name in ARCHITECTURE if network.config[name] != other.config[name]]
+    if names:
+        told = ", ".join(f"{name}={other.config[name]} (here {network.config[name]})" for name in names)
+        raise BadInputError(
+            f"init={path} is another network, with {told}: give the same model, such as model.{names[0]}=..."
+        )
+    network.load_state_dict(other.state_dict())
+
+
+def digest_of(network: ScoreNetwork) -> str:
+    """Changes when the architecture or a weight of the network does."""
+    digest = hashlib.sha256(repr([network.config[name] for name in ARCHITECTURE]).encode())
+    for tensor in network.state_dict().values():
+        digest.update(tensor.detach().cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()[:16]
 
 
 def is_sound(path: Path) -> bool:

@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LRScheduler
 
+from sips_lit.detect.checkpoint import digest_of
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
@@ -52,6 +53,11 @@ class DistillModule(ScoreModule):
     def margin(self) -> int:
         """Pixels around a crop that the logits of its pixels depend on: those of the larger receptive field."""
         return max(self.network.radius, self.teacher.radius)
+
+    @property
+    def learns_from(self) -> dict[str, str]:
+        """The teacher's weights: its file may have been written anew."""
+        return {"weights of teacher": digest_of(self.teacher)}
 
     def on_fit_start(self) -> None:
         """Brings the teacher to where the student is."""

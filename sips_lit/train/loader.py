@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -43,6 +43,16 @@ class LabelledPair:
     def to(self, device: torch.device) -> LabelledPair:
         """The same with its images on a device; points and labels stay where they are small and used."""
         return replace(self, image0=self.image0.to(device), image1=self.image1.to(device))
+
+    def plain(self) -> dict[str, Any]:
+        """As tensors, numbers and strings, which load without running code."""
+        plain: dict[str, Any] = {"name": self.name, "image0": self.image0.cpu(), "image1": self.image1.cpu()}
+        for side, points, labels in (("0", self.points0, self.labels0), ("1", self.points1, self.labels1)):
+            arrays = {**asdict(points.keypoints), "row": points.row, "column": points.column, **asdict(labels)}
+            for name, array in arrays.items():
+                if array is not None:
+                    plain[f"{name}{side}"] = torch.from_numpy(array.copy())
+        return plain
 
 
 Points = tuple[SelectedPoints, ...]

@@ -42,6 +42,11 @@ class ScoreModule(L.LightningModule):
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)}, logger=False)
 
+    @property
+    def learns_from(self) -> dict[str, str]:
+        """What else the run depends on, by name, with a digest: two runs are the same only where it is."""
+        return {}
+
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of images (B, 1, H, W)."""
         logits: Tensor = self.network(image)

@@ -414,7 +414,9 @@ def test_a_record_names_the_keys_that_a_user_sets(tmp_path, frames):
     config = config_of(tmp_path / "run", frames)
     trainer = type("Trainer", (), {"num_nodes": 2, "num_devices": 3})
     data = type("Data", (), {"data_digest": lambda self: "abc", "sample_digest": lambda self: "def"})()
-    record = record_of(config, data, trainer)
+    module = type("Module", (), {"learns_from": {"weights of teacher": "ghi"}})()
+    record = record_of(config, data, trainer, module)
+    assert record["identity"]["weights of teacher"] == "ghi"
     told = {"trainer.max_steps": 2, "trainer.precision": "32-true", "sample of frames": "def"}
     assert record["told"] == {"data.path": str(frames), "data.names": None, **told}
     expected = {"seed": 0, "k": 10, "n_max": 60, "model.width": 4, "optim.optimizer.lr": 1e-3, "processes": 6}
