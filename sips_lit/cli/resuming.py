@@ -23,13 +23,8 @@ from sips_lit.train.validation_data import ValidationDataModule
 
 TRAINER: Final = ("accumulate_grad_batches", "gradient_clip_val", "limit_val_batches")
 WITHOUT_EFFECT: Final = frozenset({"loading_workers", "labelling_workers", "index_folder"})
-START, FRAMES, SAMPLE, STEPS, PRECISION = (
-    "weights of init",
-    "frames",
-    "sample of frames",
-    "trainer.max_steps",
-    "trainer.precision",
-)
+START_WEIGHTS = "weights of init"
+FRAMES, SAMPLE, STEPS, PRECISION = "frames", "sample of frames", "trainer.max_steps", "trainer.precision"
 TOLD = 6  # differences that a sentence names
 
 
@@ -46,9 +41,9 @@ def record_of(
 ) -> dict[str, dict[str, Any]]:
     """What a run is, by the keys that a user sets, with plain values, for its checkpoints.
 
-    ``identity``: what it trains, on which frames, from which seed and weights, how it is optimised and validated; ``told``: what may
-    change while it stays the same run: its length, its precision (another machine has another), where its data are, and
-    times of their files (a copy has others), as long as the frames look the same.
+    ``identity``: what it trains, on which frames, from which seed and weights, how it is optimised and validated; ``told``:
+    what may change while it stays the same run: its length, its precision (another machine has another), where its data
+    are, and times of their files (a copy has others), as long as the frames look the same.
     """
     validation = config.callbacks.get("succinctness") or OmegaConf.create()
     parts = {"module": config.module, "datamodule": config.datamodule, "callbacks.succinctness": validation}
@@ -58,7 +53,7 @@ def record_of(
     named = {origin(key, plain): value for key, value in values.items() if key.rpartition(".")[2] not in WITHOUT_EFFECT}
     paths = {key: value for key, value in named.items() if holds_path(key)}
     identity = {key: value for key, value in named.items() if key not in paths}
-    identity |= {} if config.init is None else {START: digest_of(module.network)}
+    identity |= {} if config.init is None else {START_WEIGHTS: digest_of(module.network)}
     identity |= module.learns_from
     identity |= {"processes": trainer.num_nodes * trainer.num_devices, FRAMES: data.data_digest()}
     told = {**paths, STEPS: config.trainer.max_steps, PRECISION: config.trainer.precision, SAMPLE: data.sample_digest()}

@@ -71,9 +71,7 @@ def start_from(network: ScoreNetwork, path: str | Path) -> None:
     names = [name for name in ARCHITECTURE if network.config[name] != other.config[name]]
     if names:
         told = ", ".join(f"{name}={other.config[name]} (here {network.config[name]})" for name in names)
-        raise BadInputError(
-            f"init={path} is another network, with {told}: give the same model, such as model.{names[0]}=..."
-        )
+        raise BadInputError(f"init={path} is another network, with {told}: give the same model")
     network.load_state_dict(other.state_dict())
 
 

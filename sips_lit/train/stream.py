@@ -91,7 +91,7 @@ class _Stream:
     def __init__(self, items: Items, indices: Sequence[int], workers: int, yielding: bool = True) -> None:
         others = mp.active_children()
         initialise = partial(_quiet_worker, yielding)
-        loader = DataLoader(
+        loader: DataLoader[Any] = DataLoader(
             Subset(items, indices),  # type: ignore[arg-type]  # a dataset by what it does
             batch_size=None,
             num_workers=workers,

@@ -39,6 +39,7 @@ GROUPS = {
     "evaluate": ["detector", "descriptor", "inliers", "paths"],
     "index": ["paths"],
 }
+OTHERS = {"data", "experiment", "evaluation", "datamodule", "module"}  # which need data, a teacher or a checkpoint
 EXTRAS = {"descriptor/surf": "mahotas", "detector/surf": "mahotas"}
 LEARNED = {"aliked", "dedode", "disk", "keynet", "raco", "superpoint", "xfeat"}
 MIXTURES = {
@@ -64,7 +65,7 @@ def cases() -> list[tuple[str, str, str]]:
 
 def test_every_group_is_covered():
     groups = {path.name for path in CONF_DIR.iterdir() if path.is_dir()}
-    assert groups == {group for groups in GROUPS.values() for group in groups} | {"data", "experiment", "evaluation"}
+    assert groups == {group for groups in GROUPS.values() for group in groups} | OTHERS
     commands = {path.stem for path in CONF_DIR.glob("*.yaml")}
     assert commands == {*GROUPS, "benchmark", "detect", "export"}
 
@@ -118,7 +119,7 @@ def sources_of(name: str, tmp_path: Path) -> list[str]:
             a.replace("data.", f"data.sources.{part}.sequences.", 1) for part, arguments in parts for a in arguments
         ]
     tmp_path.mkdir(exist_ok=True)
-    if name in ("folder", "virtual_flight"):
+    if name in ("folder", "virtual_flight", "stills"):
         for i in range(3):
             cv2.imwrite(str(tmp_path / f"{i}.png"), texture(200, 260, i))
         return [f"data.path={tmp_path}"]
@@ -199,6 +200,7 @@ def test_every_benchmark_composes(name, tmp_path):
 def test_every_experiment_composes(name, tmp_path, checkpoint):
     given = [f"data.sources.{part}.sequences.path=x" for part in MIXTURES["robotics"]] if name == "paper" else []
     given += ["root=x"] if name in ("released", "recipe_search") else []
+    given += ["data.path=x", f"teacher={checkpoint}"] if name == "distill" else []
     config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}", *given)
     OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     if config.compare is not None:

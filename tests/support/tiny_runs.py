@@ -1,5 +1,6 @@
 """Tiny training runs in this process by the real configuration, and callbacks that end them early."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -15,16 +16,16 @@ from sips_lit.cli.app import CONF_DIR, register_resolvers
 from sips_lit.cli.train import train
 
 
-def config_of(run: Path, frames: Path, *overrides: str) -> DictConfig:
+def config_of(run: Path, frames: Path, *overrides: str, tiny: Sequence[str] = TINY) -> DictConfig:
     """The real configuration of a tiny run in a folder."""
     register_resolvers()
     given = ["data=folder", f"data.path={frames}", f"paths.run={run}", f"paths.indexes={run.parent}/indexes"]
     with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
-        return compose("train", [*TINY, "trainer.enable_progress_bar=false", *given, *overrides])
+        return compose("train", [*tiny, "trainer.enable_progress_bar=false", *given, *overrides])
 
 
-def run_it(run: Path, frames: Path, *overrides: str, **callbacks: dict) -> float:
-    config = config_of(run, frames, *overrides)
+def run_it(run: Path, frames: Path, *overrides: str, tiny: Sequence[str] = TINY, **callbacks: dict) -> float:
+    config = config_of(run, frames, *overrides, tiny=tiny)
     with open_dict(config):
         config.callbacks.update(callbacks)
     threads = cv2.getNumThreads()

@@ -8,6 +8,7 @@ from sips_lit.describe.sift import RootSift
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.inliers.klt import KltInliers
+from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.module import SipsModule
 
@@ -41,3 +42,17 @@ def fit(module, data, steps=2, callbacks=(), **options) -> L.Trainer:
     )
     trainer.fit(module, data)
     return trainer
+
+
+class Watch(L.Callback):
+    """Keeps what the steps give."""
+
+    def __init__(self) -> None:
+        self.metrics: dict[str, float] = {}
+        self.validated: list[VerifiedPair] = []
+
+    def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
+        self.metrics.update({name: float(value) for name, value in trainer.callback_metrics.items()})
+
+    def on_validation_batch_end(self, trainer, pl_module, outputs, batch, batch_idx, dataloader_idx=0) -> None:
+        self.validated.append(outputs)
