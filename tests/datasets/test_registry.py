@@ -13,14 +13,14 @@ from sips_lit.errors import BadInputError
 
 ROOT = Path(__file__).parents[2]
 SPECS = {spec.kind: spec for spec in find_specs() if spec.loader.__module__.startswith("sips_lit.")}
-NO_LAYOUT = {"virtual_flight", "robotics", "mixed"}  # rows of the table that no folder can be recognised as
+NO_LAYOUT = {"virtual_flight", "stills", "robotics", "mixed"}  # rows of the table that no folder can be recognised as
 
 
 def test_every_published_data_set_has_a_spec():
     loaders = {path.stem for path in (ROOT / "sips_lit" / "datasets").glob("*.py")} & {
         path.stem for path in (CONF_DIR / "data").glob("*.yaml")
     }
-    assert loaders - {"virtual_flight", "demo"} | {"video", "folder"} == set(SPECS)
+    assert loaders - {"virtual_flight", "stills", "demo"} | {"video", "folder"} == set(SPECS)
 
 
 def test_images_and_videos_come_after_all_layouts():

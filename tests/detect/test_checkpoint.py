@@ -11,7 +11,15 @@ from textured_scenes import texture
 from tiny_network import lightning_content, save_lightning, tiny_network
 
 from sips_lit.archives import zip_members
-from sips_lit.detect.checkpoint import METADATA_KEY, config_json, export_safetensors, load_checkpoint
+from sips_lit.detect.checkpoint import (
+    METADATA_KEY,
+    config_json,
+    digest_of,
+    export_safetensors,
+    load_checkpoint,
+    load_network,
+    start_from,
+)
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
@@ -223,3 +231,39 @@ def test_an_export_replaces_the_one_before(tmp_path):
 def test_what_cannot_be_written(tmp_path):
     with pytest.raises(BadInputError, match=r"cannot write .*a\.safetensors"):
         export_safetensors(make_network(), PointSelector(), tmp_path / "gone" / "a.safetensors")
+
+
+def test_a_network_starts_from_the_weights_of_another(tmp_path):
+    path, network = tmp_path / "a.safetensors", tiny_network(1, start_bias=-3.0)
+    export_safetensors(tiny_network(2), PointSelector(), path)
+    assert digest_of(network) != digest_of(load_network(path))
+    start_from(network, path)
+    assert digest_of(network) == digest_of(load_network(path)) == digest_of(tiny_network(2))
+
+
+@pytest.mark.parametrize("other", [{"scales": 2}, {"derivatives": True}, {"leaky_slope": 0.1}])
+def test_a_start_of_another_architecture_is_refused(tmp_path, other):
+    path, network = tmp_path / "a.safetensors", tiny_network()
+    export_safetensors(tiny_network(**other), PointSelector(), path)
+    before = digest_of(network)
+    ((name, value),) = other.items()
+    with pytest.raises(
+        BadInputError, match=rf"a\.safetensors is another network, with {name}={value} \(here .*same model"
+    ):
+        start_from(network, path)
+    assert digest_of(network) == before
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_not_finite_are_no_start(tmp_path, value):
+    network = tiny_network()
+    with torch.no_grad():
+        network.layers[1].bias[0] = value
+    export_safetensors(network, PointSelector(), tmp_path / "a.safetensors")
+    with pytest.raises(BadInputError, match="weights that are not finite"):
+        load_network(tmp_path / "a.safetensors")
+
+
+def test_a_digest_tells_the_weights_and_what_the_network_makes_of_them():
+    digests = [digest_of(tiny_network()), digest_of(tiny_network(1)), digest_of(tiny_network(leaky_slope=0.1))]
+    assert len({*digests, digest_of(tiny_network())}) == 3

@@ -185,3 +185,12 @@ def test_derivatives_are_taken_in_full_precision(differentiating):
     with torch.no_grad():
         expected = differentiating(ramp)[0, 0, 6:-6, 6:-6]
     torch.testing.assert_close(inside, expected, rtol=0.03, atol=0.03)
+
+
+@pytest.mark.parametrize("derivatives", [False, True])
+@pytest.mark.parametrize("further", [0, 3])
+def test_the_interior_is_a_part_of_the_whole_map(derivatives, further):
+    torch.manual_seed(0)
+    net = ScoreNetwork(4, 8, derivatives=derivatives)
+    image, margin = noise(30, 41, batch=2), net.radius + further
+    torch.testing.assert_close(net.interior(image, margin), net(image)[..., margin:-margin, margin:-margin])

@@ -253,3 +253,41 @@ def test_each_image_changes_in_its_own_way():
     assert (pair.image0 != pair.image1).mean() > 0.5
     other = replace(PAIR, image1=np.full((50, 70), 9, np.uint8))
     assert Augmentation(flip=0, photometric=1)(other, np.random.default_rng(0)).image1.shape == (50, 70)
+
+
+def generator(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def test_a_single_image_is_mirrored_and_transposed_in_all_eight_ways():
+    image = texture(40, 50)
+    ways = [np.ascontiguousarray(way[::a, ::b]) for way in (image, image.T) for a in (1, -1) for b in (1, -1)]
+    change = Augmentation(transpose=0.5)
+    seen = {change.change_shape(image, generator(seed)).tobytes() for seed in range(100)}
+    assert seen == {way.tobytes() for way in ways}
+
+
+def test_a_single_image_is_turned_scaled_and_shrunk_within_the_ranges():
+    image = texture(60, 80)
+    turned = {Augmentation(flip=0, log2_scale=1).change_shape(image, generator(seed)).shape[1] for seed in range(60)}
+    assert 38 <= min(turned) < 50
+    assert 130 < max(turned) <= 160
+    shrunk = {
+        Augmentation(flip=0, log2_shrink=0.5, log2_zoom=0.5).change_shape(image, generator(s)).shape for s in range(60)
+    }
+    widths = [width for _, width in shrunk]
+    assert 40 <= min(widths) < 48
+    assert 72 < max(widths) <= 80
+    assert all(abs(height / width - 0.75) < 0.02 for height, width in shrunk)
+    assert Augmentation(flip=0, rotation=0.5).change_shape(image, generator()).shape != image.shape
+
+
+def test_the_look_of_a_single_image_changes_with_its_probabilities():
+    image = texture(40, 50)
+    nothing, light = Augmentation(photometric=0), Augmentation(photometric=1)
+    np.testing.assert_array_equal(nothing.change_look(image, generator()), image)
+    assert (light.change_look(image, generator()) != image).mean() > 0.5
+    negative = Augmentation(photometric=0, invert=0.5)
+    looks = [negative.change_look(image, generator(seed)) for seed in range(100)]
+    assert 25 < sum(np.array_equal(look, 255 - image) for look in looks) < 75
+    assert all(np.array_equal(look, image) or np.array_equal(look, 255 - image) for look in looks)
