@@ -247,6 +247,9 @@ class Detector(Protocol):
     def detect_and_describe(self, image: GreyImage, n: int) -> Features:
         """At most ``n`` points with the detector's own descriptors; only where ``describes`` is true."""
 
+    def best(self, keypoints: Keypoints, n: int) -> Keypoints:
+        """The first ``n`` of its points of an image, with the scores that they have when the others are not kept."""
+
     def score_map(self, image: GreyImage) -> FloatArray | None:
         """The score (H, W) of every pixel of ``image``, from 0 to 1, for pictures; None if it has no such map."""
 

@@ -52,7 +52,7 @@ def detect(config: DictConfig) -> None:
     folder, summary = Path(options.output), DetectionSummary()
     writers = [open_writer(kind, folder, stream.fps) for kind in kinds]
     try:
-        detect_stream(detector, stream, budget, writers, summary)
+        detect_stream(detector, stream, budget, writers, summary, detector.recalibration)
     finally:
         if summary.frames:
             print(report(folder, summary, stream, budget, writers))

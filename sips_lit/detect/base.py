@@ -25,6 +25,10 @@ class BaseDetector:
         """Raises TypeError: there is no descriptor."""
         raise TypeError(f"{self.name} has no descriptor of its own: detect points, then describe them")
 
+    def best(self, keypoints: Keypoints, n: int) -> Keypoints:
+        """The first ``n`` points as they are."""
+        return keypoints.best(n)
+
     def score_map(self, image: GreyImage) -> FloatArray | None:
         """None: there is no map."""
         return None

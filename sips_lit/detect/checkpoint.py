@@ -6,7 +6,7 @@ import hashlib
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,14 @@ from safetensors.torch import save
 from torch import Tensor
 
 from sips_lit.archives.zip_members import is_bomb
+from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
 from sips_lit.files import write_whole
 
 METADATA_KEY = "sips_lit"
+RECALIBRATION = "recalibration"
 PREFIX = "network."
 ARCHITECTURE = ("depth", "width", "leaky_slope", "scales", "scale_factor", "derivatives")  # all but what a start has
 
@@ -43,6 +45,7 @@ def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
         if expected != {name: tensor.shape for name, tensor in weights.items()}:
             raise ValueError("its weights are of another size than it says")
         network, selector = ScoreNetwork(**config["network"]), PointSelector(**config["selector"])
+        selector = replace(selector, recalibration=Recalibration(**config.get(RECALIBRATION, {})))
         network.load_state_dict(dict(weights))
     except Exception as error:  # it may hold anything
         reason = str(error).partition("\n")[0].rstrip(":")
@@ -123,8 +126,14 @@ def _read_safetensors(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Tenso
 
 
 def config_json(network: ScoreNetwork, selector: PointSelector) -> str:
-    """What a reader needs besides the weights: ``{"network": {...}, "selector": {...}}``, constructor arguments."""
-    return json.dumps({"network": network.config, "selector": asdict(selector)}, sort_keys=True)
+    """What a reader needs besides the weights: ``{"network": {...}, "selector": {...}}``, constructor arguments.
+
+    With a recalibration ``"recalibration": {...}`` beside them.
+    """
+    config: dict[str, Any] = {"network": network.config, "selector": selector.config}
+    if selector.recalibration != AS_TRAINED:
+        config[RECALIBRATION] = selector.recalibration.config
+    return json.dumps(config, sort_keys=True)
 
 
 def export_safetensors(network: ScoreNetwork, selector: PointSelector, path: Path) -> list[Path]:

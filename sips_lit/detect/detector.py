@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,7 +11,9 @@ import torch
 from torch import Tensor
 
 from sips_lit.detect.base import BaseDetector
+from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.recalibration import Recalibration
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor, score_map
 from sips_lit.errors import BadInputError
@@ -57,10 +60,16 @@ class SipsDetector(BaseDetector):
         try:
             if scales is not None:
                 network = network.with_scales(scales)
-            selector = PointSelector(selector.nms_radius if nms_radius is None else nms_radius, subpixel)
+            radius = selector.nms_radius if nms_radius is None else nms_radius
+            selector = replace(selector, nms_radius=radius, subpixel=subpixel)
         except ValueError as error:
             raise BadInputError(str(error)) from error
         return cls(network, selector, device)
+
+    @property
+    def recalibration(self) -> Recalibration:
+        """What makes the network's logits the probabilities that points have as scores."""
+        return self.selector.recalibration
 
     def __call__(self, image: str | Path | np.ndarray[Any, Any] | Tensor | Any, n: int = 50) -> Keypoints:
         """The ``n`` points of ``image`` most likely to be inliers (fewer, if it has not so many), best first.
@@ -76,9 +85,23 @@ class SipsDetector(BaseDetector):
             raise BadInputError(f"n is {n}: ask for a number of points that is not negative")
         return self.selector.select(self.network, image_tensor(image, self.device), n).keypoints
 
+    def within(self, image: str | Path | np.ndarray[Any, Any] | Tensor | Any, budget: Budget) -> tuple[Keypoints, bool]:
+        """The points of ``image`` that a ``budget`` keeps, and whether they are enough for its k inliers; see `Budget.keep`.
+
+        ``image`` as in a call of the detector.
+        """
+        return budget.keep(self(image, budget.candidates), self.recalibration)
+
+    def best(self, keypoints: Keypoints, n: int) -> Keypoints:
+        """The first ``n`` of its points of an image, with the probabilities that they have when the others are not kept."""
+        return self.recalibration.best(keypoints, n)
+
     def score_map(self, image: GreyImage) -> FloatArray:
-        """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution."""
-        return score_map(self.network, image)
+        """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution.
+
+        Recalibrated as if 50 points were kept.
+        """
+        return score_map(self.network, image, self.recalibration)
 
 
 def as_grey(image: Any) -> GreyImage:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from sips_lit.detect.peaks import local_maxima, quadratic_offsets
+from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.errors import BadInputError
 from sips_lit.types import FloatArray, GreyImage, Keypoints
@@ -38,15 +40,22 @@ class SelectedPoints:
 class PointSelector:
     """Selects the n best local maxima of a score network.
 
-    ``nms_radius``: no two points closer than or equal to it (pixels, Chebyshev); ``subpixel``: quadratic fit of the peaks.
+    ``nms_radius``: no two points closer than or equal to it (pixels, Chebyshev); ``subpixel``: quadratic fit of the peaks;
+    ``recalibration``: what makes the logits the probabilities that points have as scores.
     """
 
     nms_radius: int = 5
     subpixel: bool = True
+    recalibration: Recalibration = AS_TRAINED
 
     def __post_init__(self) -> None:
         if self.nms_radius not in range(LARGEST_RADIUS + 1):
             raise ValueError(f"nms_radius is {self.nms_radius}: it counts pixels, from 0 to {LARGEST_RADIUS}")
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """How points are chosen: the constructor's arguments but for the recalibration."""
+        return {"nms_radius": self.nms_radius, "subpixel": self.subpixel}
 
     @torch.no_grad()
     def select(self, network: ScoreNetwork, image: Tensor, n: int) -> SelectedPoints:
@@ -65,7 +74,8 @@ class PointSelector:
         if len(levels) > 1:
             kept = suppress_across_levels(positions, where[:, 0], self.nms_radius, n)
         scale = network.scale_factor ** where[kept, 0]
-        keypoints = Keypoints(positions[kept], torch.sigmoid(logit).numpy()[kept], scale.astype(np.float32))
+        score = torch.sigmoid(self.recalibration.logits(logit, len(kept))).numpy()[kept]
+        keypoints = Keypoints(positions[kept], score, scale.astype(np.float32))
         return SelectedPoints(keypoints, where[kept, 0], where[kept, 1], where[kept, 2])
 
     def _level(
@@ -145,8 +155,11 @@ def image_tensor(image: GreyImage, device: torch.device | str = "cpu") -> Tensor
 
 
 @torch.no_grad()
-def score_map(network: ScoreNetwork, image: GreyImage) -> FloatArray:
-    """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution."""
+def score_map(network: ScoreNetwork, image: GreyImage, recalibration: Recalibration = AS_TRAINED) -> FloatArray:
+    """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution.
+
+    Recalibrated as if `REFERENCE_POINTS` points were kept.
+    """
     logits = network(image_tensor(image, next(network.parameters()).device))
-    scores: FloatArray = torch.sigmoid(logits)[0, 0].cpu().numpy()
+    scores: FloatArray = torch.sigmoid(recalibration.logits(logits))[0, 0].cpu().numpy()
     return scores

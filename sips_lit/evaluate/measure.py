@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -37,6 +37,8 @@ from sips_lit.match.mutual_nearest import distances, mutual_nearest_lifetimes
 from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
 from sips_lit.metrics.spread import spread
 from sips_lit.types import DisparityMatcher, Features, FloatArray, FramePair, InlierCheck, Keypoints, Matches, ScoreKind
+
+Best = Callable[[Keypoints, int], Keypoints]
 
 
 class PoseErrors(NamedTuple):
@@ -100,8 +102,9 @@ def measure_pair(
     check: InlierCheck,
     m: Measures,
     scores: ScoreKind = "order",
+    best: Best = Keypoints.best,
 ) -> PairMeasurement:
-    """Matches, verifies and measures a pair. ``scores``: what those of the features mean.
+    """Matches, verifies and measures a pair. ``scores``: what those of the features mean; ``best``: the detector's.
 
     Depth that the keypoints bring is taken as it is. Raises BadInputError for a pair that the check cannot verify.
     """
@@ -117,7 +120,7 @@ def measure_pair(
     if m.pose:
         estimator = StereoP3PInliers(m.pose_threshold, m.iterations, m.seed, stereo)
         pose = pair_pose(pair, features0.keypoints, features1.keypoints, estimator)
-    return measure(verified, pose, m, scores, stereo, milliseconds, judged)
+    return measure(verified, pose, m, scores, stereo, milliseconds, judged, best)
 
 
 def measure(
@@ -128,11 +131,12 @@ def measure(
     stereo: DisparityMatcher | None = None,
     milliseconds: dict[str, float] | None = None,
     judged: VerifiedPair | None = None,
+    best: Best = Keypoints.best,
 ) -> PairMeasurement:
     """Measures a verified pair. ``pose`` estimates poses (None: they are not measured).
 
     ``stereo`` finds depth where keypoints bring none and there are no maps; ``milliseconds``: times so far; ``judged``: the
-    pair with its judged points alone (None: all are).
+    pair with its judged points alone (None: all are); ``best``: see `VerifiedPair.outcomes`.
     """
     milliseconds = {} if milliseconds is None else milliseconds
     ordered, judged = scores != "none", judged or verified
@@ -145,7 +149,7 @@ def measure(
         moved = move_points(verified.pair, *keypoints, stereo or StereoMatcher())
         points = max(map(len, keypoints))
         budgets = {n: _at_budget(verified, pose, moved, n, m) for n in m.every_n if ordered or n >= points}
-        outcomes = {n: verified.outcomes(n) for n in m.calibration} if scores == "probability" else {}
+        outcomes = {n: verified.outcomes(n, best) for n in m.calibration} if scores == "probability" else {}
     unknown = _unknown_share(verified, judged, m.n_max)
     return PairMeasurement(n_k, n_k_judged, unknown, rotation, translation, budgets, outcomes, milliseconds)
 

@@ -119,7 +119,7 @@ def measure_depths(
         stereo = pairs.checks[sequence].stereo or StereoMatcher()
         return with_depth(features[frame], frame_view(pairs.sequences[sequence], index), stereo)
 
-    return dict(zip(features, _side_by_side(one, list(features), workers, f"{title}: depth", "image"), strict=True))
+    return dict(zip(features, side_by_side(one, list(features), workers, f"{title}: depth", "image"), strict=True))
 
 
 def measure_all(
@@ -136,12 +136,13 @@ def measure_all(
         pair = pairs.listed[at]
         features0, features1 = (features[pair.sequence, index].features for index in (pair.index0, pair.index1))
         read = pairs.read(at, depth=True)
-        return measure_pair(read, features0, features1, pairs.check(at), measures, method.detector.scores)
+        detector = method.detector
+        return measure_pair(read, features0, features1, pairs.check(at), measures, detector.scores, detector.best)
 
-    return _side_by_side(one, range(len(pairs)), workers, title, "pair")
+    return side_by_side(one, range(len(pairs)), workers, title, "pair")
 
 
-def _side_by_side(work: Callable[[Any], Any], items: Sequence[Any], workers: int, title: str, unit: str) -> list[Any]:
+def side_by_side(work: Callable[[Any], Any], items: Sequence[Any], workers: int, title: str, unit: str) -> list[Any]:
     pool = ThreadPoolExecutor(max(1, workers))
     try:
         return list(progress(pool.map(work, items), desc=title, unit=unit, total=len(items)))

@@ -13,9 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from sips_lit.detect.checkpoint import METADATA_KEY, config_json
+from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
@@ -27,8 +28,9 @@ SHAPES: Final = ((1, 1, 240, 320), (2, 1, 97, 131), (1, 1, 5, 3), (1, 1, 1, 1))
 """(B, 1, H, W) that both are compared on: usual, odd in a batch, and smaller than the receptive field."""
 DESCRIPTION: Final = (
     "Succinct interest points: input `image` (B, 1, H, W) float32, grey, 0 to 255; output `probability` (B, 1, H, W) "
-    "float32, of each pixel being an inlier if it is chosen as an interest point. Points are the local maxima within "
-    "nms_radius (metadata `sips_lit`, selector), best first."
+    "float32, of each pixel being an inlier if it is chosen as one of 50 interest points. Points are the local maxima within "
+    "nms_radius (metadata `sips_lit`, selector), best first. With n points kept, add log_n * log(n / 50) to the logit "
+    "(metadata `sips_lit`, recalibration; without one, nothing)."
 )
 
 
@@ -45,7 +47,7 @@ def export_onnx(network: ScoreNetwork, selector: PointSelector, path: Path) -> f
     require_export_extra()
     network = network.eval().cpu()
     model = onnx_model(network, selector)
-    difference = max_difference(network, model, SHAPES)
+    difference = max_difference(network, model, SHAPES, selector.recalibration)
     if not difference <= TOLERANCE:
         raise RuntimeError(
             f"ONNX Runtime's probabilities differ from PyTorch's by {difference:.1e}; nothing was written"
@@ -72,7 +74,7 @@ def onnx_model(network: ScoreNetwork, selector: PointSelector) -> bytes:
     with torch.no_grad(), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
-            nn.Sequential(OrderedDict(network=network, sigmoid=nn.Sigmoid())).eval(),
+            nn.Sequential(OrderedDict(network=network, probability=_Probability(selector.recalibration))).eval(),
             (example,),
             dynamo=True,
             dynamic_shapes=(sizes,),
@@ -95,7 +97,23 @@ def onnx_model(network: ScoreNetwork, selector: PointSelector) -> bytes:
     return bytes(model.SerializeToString())
 
 
-def max_difference(network: ScoreNetwork, model: bytes, shapes: Sequence[tuple[int, int, int, int]]) -> float:
+class _Probability(nn.Module):
+    def __init__(self, recalibration: Recalibration) -> None:
+        super().__init__()
+        self.recalibration = recalibration
+
+    def forward(self, logits: Tensor) -> Tensor:
+        if self.recalibration != AS_TRAINED:
+            logits = self.recalibration.logits(logits)
+        return torch.sigmoid(logits)
+
+
+def max_difference(
+    network: ScoreNetwork,
+    model: bytes,
+    shapes: Sequence[tuple[int, int, int, int]],
+    recalibration: Recalibration = AS_TRAINED,
+) -> float:
     """The greatest difference between PyTorch's and ONNX Runtime's probabilities on random images of these shapes."""
     import onnxruntime
 
@@ -105,6 +123,6 @@ def max_difference(network: ScoreNetwork, model: bytes, shapes: Sequence[tuple[i
     for shape in shapes:
         image = generator.integers(0, 256, shape).astype(np.float32)
         with torch.no_grad():
-            expected = torch.sigmoid(network(torch.from_numpy(image))).numpy()
+            expected = torch.sigmoid(recalibration.logits(network(torch.from_numpy(image)))).numpy()
         differences.append(float(np.abs(session.run(["probability"], {"image": image})[0] - expected).max()))
     return float(np.max(differences))  # NaN if one is

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from sips_lit.detect.budget import Budget
+from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
 from sips_lit.inference.streams import FrameStream
 from sips_lit.inference.writers import PointWriter
 from sips_lit.progress import progress
@@ -28,8 +29,10 @@ def detect_stream(
     budget: Budget,
     writers: Sequence[PointWriter],
     summary: DetectionSummary,
+    recalibration: Recalibration = AS_TRAINED,
 ) -> None:
-    """Detects in each frame and hands the points to every writer; ``summary`` is kept up to date after each frame.
+    """Detects in each frame and hands the points to every writer; ``summary`` is kept up to date after each frame. ``recalibration``:
+    the detector's.
 
     Writers are closed at the end, whatever happens: what was written before an error stays. Memory does not grow with
     the number of frames. Raises BadInputError at the first frame that cannot be read or written.
@@ -38,7 +41,7 @@ def detect_stream(
         for writer in writers:
             stack.callback(writer.close)
         for frame in progress(stream, desc="detection", unit="frame", total=stream.total):
-            keypoints, enough = budget.keep(detector.detect(frame.grey, budget.candidates))
+            keypoints, enough = budget.keep(detector.detect(frame.grey, budget.candidates), recalibration)
             for writer in writers:
                 writer.write(frame, keypoints)
             summary.frames += 1

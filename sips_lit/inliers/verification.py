@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -9,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.inliers.point_labels import point_labels
+from sips_lit.inliers.point_labels import PointLabels, point_labels
 from sips_lit.inliers.verifier import ExactVerifier, SearchVerifier, VerifiedMatches, Verifier
 from sips_lit.match.mutual_nearest import MutualLifetimes, distances, mutual_nearest_lifetimes
-from sips_lit.types import Features, FramePair, InlierCheck
+from sips_lit.types import Features, FramePair, InlierCheck, Keypoints
 
 Search = Literal["auto", "exact", "binary"]
 
@@ -40,14 +41,25 @@ class VerifiedPair:
         points = max(len(self.features0), len(self.features1))
         return points if self.at(points, repeat).inlier_count >= k else None
 
-    def outcomes(self, n: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Score and truth (inlier or not) of the ``n`` best points of both images, where the truth is known."""
+    def labels(self, n: int) -> tuple[PointLabels, PointLabels]:
+        """The truth about the ``n`` best points of both images."""
         matches, inliers = self.at(n)
-        labels0 = point_labels(inliers, matches.index0, inliers.known0)
-        labels1 = point_labels(inliers, matches.index1, inliers.known1)
-        score = np.concatenate([features.keypoints.score[:n] for features in (self.features0, self.features1)])
-        known = np.concatenate([labels0.known, labels1.known])
-        return score[known], np.concatenate([labels0.inlier, labels1.inlier])[known]
+        return (
+            point_labels(inliers, matches.index0, inliers.known0),
+            point_labels(inliers, matches.index1, inliers.known1),
+        )
+
+    def outcomes(
+        self, n: int, best: Callable[[Keypoints, int], Keypoints] = Keypoints.best
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Score and truth (inlier or not) of the ``n`` best points of both images, where the truth is known.
+
+        ``best`` gives them with the scores that they have when the others are not kept (see `Detector.best`).
+        """
+        labels = self.labels(n)
+        score = np.concatenate([best(f.keypoints, n).score for f in (self.features0, self.features1)])
+        known = np.concatenate([of_image.known for of_image in labels])
+        return score[known], np.concatenate([of_image.inlier for of_image in labels])[known]
 
 
 def verify(

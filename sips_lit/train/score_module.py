@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable
-from dataclasses import asdict
 from typing import Any
 
 import cv2
@@ -40,7 +39,7 @@ class ScoreModule(L.LightningModule):
         super().__init__()
         self.network, self.selector, self.points = network, selector, points
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
-        self.save_hyperparameters({"network": dict(network.config), "selector": asdict(selector)}, logger=False)
+        self.save_hyperparameters({"network": dict(network.config), "selector": selector.config}, logger=False)
 
     @property
     def learns_from(self) -> dict[str, str]:

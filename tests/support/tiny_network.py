@@ -1,6 +1,5 @@
 """An untrained detector that is small enough for tests, and its checkpoint as training writes it."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ def lightning_content(network: ScoreNetwork, selector: PointSelector) -> dict[st
     return {
         "epoch": 3,
         "state_dict": {**weights, "other.weight": torch.zeros(2)},
-        "hyper_parameters": {"network": dict(network.config), "selector": asdict(selector)},
+        "hyper_parameters": {"network": dict(network.config), "selector": selector.config},
     }
 
 

@@ -1,0 +1,80 @@
+"""A normal effect on the logit that all points of an image of a pair share: some pairs are harder than they look.
+
+Logistic regression with a random intercept (Stiratelli, Laird and Ware, Biometrics 1984), marginally specified (Heagerty,
+Biometrics 1999): the mean over the effect is the probability that was predicted for a point, so that it stays calibrated
+whatever the effect is. With the effect's standard deviation d, z standard normal:
+
+    P(inlier | z) = sigmoid(delta + d z),    where delta solves    mean over z of sigmoid(delta + d z) = p.
+
+Means over z are sums over equal steps. The nodes of Gauss and Hermite lie too far apart in the middle for the likelihood
+of hundreds of points, which is narrower than they are; equal steps converge as fast for functions that vanish at both ends.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+NODES: Final[Floats] = np.linspace(-5, 5, 81)
+"""(Q,) values of z."""
+WEIGHTS: Final[Floats] = np.exp(-(NODES**2) / 2) / np.exp(-(NODES**2) / 2).sum()
+"""(Q,) their probabilities."""
+LARGEST_LOGIT: Final = 30.0
+"""Beyond it a probability is 0 or 1 for all that is computed here."""
+_STEPS: Final = 2001
+
+
+def sigmoid(logits: Any) -> Floats:
+    """Without overflow."""
+    values: Floats = 0.5 * (1 + np.tanh(0.5 * np.asarray(logits, np.float64)))
+    return values
+
+
+def logit(probability: Any) -> Floats:
+    """Of probabilities, between plus and minus `LARGEST_LOGIT`."""
+    p = np.asarray(probability, np.float64)
+    with np.errstate(divide="ignore"):
+        values: Floats = np.clip(np.log(p) - np.log1p(-p), -LARGEST_LOGIT, LARGEST_LOGIT)
+    return values
+
+
+def conditional_logits(marginal: Floats, deviation: float) -> Floats:
+    """delta (N,) of the points whose probability, over all pairs, has the logits ``marginal`` (N,)."""
+    if deviation == 0:
+        return marginal
+    bound = LARGEST_LOGIT * np.sqrt(1 + deviation**2) + deviation**2
+    grid = np.linspace(-bound, bound, _STEPS)
+    means = np.logaddexp.reduce(_log_sigmoid(grid[:, None] + deviation * NODES) + np.log(WEIGHTS), axis=1)
+    # the mean of 1 - sigmoid is that of sigmoid at the other end of the grid
+    return np.interp(marginal, means - means[::-1], grid)
+
+
+def conditional_probabilities(probability: Any, deviation: float) -> Floats:
+    """P(inlier | z) (N, Q) of points (N,) at the `NODES`; their mean by `WEIGHTS` is ``probability``."""
+    target = logit(probability)
+    delta = conditional_logits(target, deviation)
+    given = sigmoid(delta[:, None] + deviation * NODES)
+    if deviation == 0:
+        return given
+    mean, slope = given @ WEIGHTS, (given * (1 - given)) @ WEIGHTS
+    known = (np.abs(target) < LARGEST_LOGIT / 2) & (slope > 0)
+    step = np.where(
+        known, (sigmoid(target) - mean) / np.where(known, slope, 1), 0
+    )  # what interpolation left, by Newton
+    return sigmoid((delta + step)[:, None] + deviation * NODES)
+
+
+def log_likelihood(delta: Floats, inlier: NDArray[np.bool_], deviation: float) -> float:
+    """Of the points (N,) of one image: log of the mean, over z, of the product of P(inlier or not | z)."""
+    logits = delta[:, None] + deviation * NODES
+    each = inlier @ logits - np.logaddexp(0, logits).sum(0)
+    return float(np.logaddexp.reduce(each + np.log(WEIGHTS)))
+
+
+def _log_sigmoid(logits: Floats) -> Floats:
+    values: Floats = -np.logaddexp(0, -logits)
+    return values
