@@ -46,7 +46,7 @@ class Budget:
             raise BadInputError(f"n_max is {self.n_max}: allow at least one point")
         if self.k is not None and self.k > self.n_max:
             raise BadInputError(
-                f"k is {self.k} and n_max is {self.n_max}: so few points never hold so many inliers, allow more or ask for fewer"
+                f"k is {self.k} and n_max is {self.n_max}: n_max points can't hold k inliers, allow more or ask for fewer"
             )
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -66,13 +67,21 @@ def split_pairs(pairs: PairSet) -> Split:
 
 
 def judge_pairs(
-    method: Method, pairs: PairSet, measures: Measures, budgets: Sequence[int], workers: int = 2
+    method: Method,
+    pairs: PairSet,
+    measures: Measures,
+    cache_folder: Path | None = None,
+    workers: int = 2,
 ) -> list[JudgedPair]:
-    """Detects, matches and verifies every pair. ``method``: with a detector whose scores are not recalibrated."""
+    """Detects, matches and verifies every pair. ``method``: with a detector whose scores are not recalibrated.
+
+    Points are judged at the budgets ``measures.calibration``, inliers counted up to ``measures.n_max`` points. What is random
+    in a check is drawn once.
+    """
     label = f"{pairs.title}, {method.name}"
-    most = max(measures.n_max, *budgets)
-    features = measure_depths(pairs, extract_all(method, pairs, None, most, label), workers, label)
-    one = partial(_judge, pairs, features, measures, tuple(budgets), most)
+    most = measures.points("probability")
+    features = measure_depths(pairs, extract_all(method, pairs, cache_folder, most, label), workers, label)
+    one = partial(_judge, pairs, features, measures)
     return side_by_side(one, range(len(pairs)), workers, label, "pair")
 
 
@@ -80,14 +89,14 @@ def _judge(
     pairs: PairSet,
     features: Mapping[Frame, ImageFeatures],
     m: Measures,
-    budgets: tuple[int, ...],
-    most: int,
     at: int,
 ) -> JudgedPair:
     pair, check = pairs.listed[at], pairs.check(at)
     features0, features1 = (features[pair.sequence, index].features for index in (pair.index0, pair.index1))
     verified = verify(pairs.read(at, depth=True), features0, features1, check, m.search, 1, m.seed)
-    return judged_pair(verify_judged(verified, check, most, m.search, 1, m.seed), budgets, m.n_max)
+    return judged_pair(
+        verify_judged(verified, check, m.points("probability"), m.search, 1, m.seed), m.calibration, m.n_max
+    )
 
 
 def judged_pair(verified: VerifiedPair, budgets: Sequence[int], n_max: int) -> JudgedPair:

@@ -143,6 +143,7 @@ def measure_all(
 
 
 def side_by_side(work: Callable[[Any], Any], items: Sequence[Any], workers: int, title: str, unit: str) -> list[Any]:
+    """The work on each item, in order, by ``workers`` threads."""
     pool = ThreadPoolExecutor(max(1, workers))
     try:
         return list(progress(pool.map(work, items), desc=title, unit=unit, total=len(items)))

@@ -42,6 +42,19 @@ class CalibrationResult:
         """How many points were counted."""
         return int(self.count.sum())
 
+    @property
+    def share(self) -> float:
+        """Fraction of all points that are inliers."""
+        return self._mean(self.frequency)
+
+    @property
+    def mean(self) -> float:
+        """Mean predicted probability of all points."""
+        return self._mean(self.mean_score)
+
+    def _mean(self, of_bins: FloatVector) -> float:
+        return float(np.nansum(of_bins * self.count) / self.points) if self.points else float("nan")
+
 
 def bin_sums(scores: ArrayLike, labels: ArrayLike, bins: int = 20) -> NDArray[np.float64]:
     """Sums over N predicted probabilities and their truth (bool, or 0 and 1), both (N,), in each of B equal bins of [0, 1].

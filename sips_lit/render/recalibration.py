@@ -36,7 +36,9 @@ def draw_recalibration(
         for label, colour, result in zip(("before", "after"), (BEFORE, AFTER), results, strict=True):
             _bins(upper, result, f"{label}: ECE {result.ece:.3f}", colour)
         for label, colour, found in zip(("before", "after"), (BEFORE, AFTER), coverages[name], strict=True):
-            lower.plot([c.asked for c in found], [c.observed for c in found], "o-", color=colour, label=label, markersize=4)
+            lower.plot(
+                [c.asked for c in found], [c.observed for c in found], "o-", color=colour, label=label, markersize=4
+            )
         upper.set_title(literal(name), fontsize=10)
         upper.set_xlabel("probability of being an inlier", fontsize=9)
         lower.set_xlabel("probability of k inliers asked for", fontsize=9)

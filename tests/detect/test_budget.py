@@ -87,7 +87,7 @@ def test_threshold_keeps_equal_scores_and_combines_with_the_others() -> None:
 
 def test_inliers_out_of_reach_keep_every_point_up_to_n_max_and_say_so() -> None:
     points = keypoints_of([0.5] * 30)
-    kept, enough = Budget(n=5, k=25, n_max=20).keep(points)
+    kept, enough = Budget(n=5, k=18, n_max=20).keep(points)
     assert (len(kept), enough) == (20, False)
     kept, enough = Budget(n=5, k=2, confidence=0.9, n_max=20).keep(points)
     assert (len(kept), enough) == (7, True)  # 1 - 8 / 128 = 0.9375, while 6 points give 0.891
@@ -97,7 +97,7 @@ def test_fifty_points_or_95_percent_of_at_most_500_by_default() -> None:
     many = keypoints_of([0.7] * 600)
     assert len(Budget().keep(many)[0]) == 50
     assert len(Budget(k=1).keep(many)[0]) == 3  # 1 - 0.3^2 = 0.91, 1 - 0.3^3 = 0.973
-    assert len(Budget(k=590).keep(many)[0]) == 500
+    assert len(Budget(k=490).keep(many)[0]) == 500
 
 
 def test_no_points_at_all() -> None:
@@ -114,7 +114,10 @@ def test_no_points_at_all() -> None:
         ({"threshold": float("nan")}, "threshold is nan"),
         ({"k": 0}, "k is 0"),
         ({"k": 3, "confidence": 1.0}, "confidence is 1"),
+        ({"k": 3, "confidence": 0.0}, "confidence is 0"),
+        ({"k": 3, "confidence": float("nan")}, "confidence is nan"),
         ({"k": 3, "n_max": 0}, "n_max is 0"),
+        ({"k": 21, "n_max": 20}, "k is 21 and n_max is 20"),
     ],
 )
 def test_values_out_of_range_are_named(arguments: dict[str, float], key: str) -> None:
