@@ -1,4 +1,4 @@
-"""sips-calibrate: probabilities that come true on one's own data, fitted, checked on pairs held back, kept with the weights."""
+"""sips-calibrate: probabilities that come true on one's own data, checked on pairs held back, kept with the weights."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class _Means:
 
 
 def _fit_means(groups: Sequence[PointGroup], several: bool) -> _Means:
-    """Logistic regression by Newton's method, drawn to no change by a normal prior of deviation 1, which helps few points."""
+    """Logistic regression by Newton's method, drawn to no change by a normal prior of deviation 1, for few points."""
     shift = [np.full(len(g.logit), math.log(max(g.n, 1) / REFERENCE_POINTS)) for g in groups]
     logit = np.concatenate([group.logit for group in groups])
     columns = [logit, np.ones_like(logit), *([np.concatenate(shift)] if several else [])]

@@ -75,8 +75,8 @@ def judge_pairs(
 ) -> list[JudgedPair]:
     """Detects, matches and verifies every pair. ``method``: with a detector whose scores are not recalibrated.
 
-    Points are judged at the budgets ``measures.calibration``, inliers counted up to ``measures.n_max`` points. What is random
-    in a check is drawn once.
+    Points are judged at the budgets ``measures.calibration``, inliers counted up to ``measures.n_max`` points. What
+    is random in a check is drawn once.
     """
     label = f"{pairs.title}, {method.name}"
     most = measures.points("probability")

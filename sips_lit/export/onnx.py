@@ -29,8 +29,8 @@ SHAPES: Final = ((1, 1, 240, 320), (2, 1, 97, 131), (1, 1, 5, 3), (1, 1, 1, 1))
 DESCRIPTION: Final = (
     "Succinct interest points: input `image` (B, 1, H, W) float32, grey, 0 to 255; output `probability` (B, 1, H, W) "
     "float32, of each pixel being an inlier if it is chosen as one of 50 interest points. Points are the local maxima "
-    "within nms_radius (metadata `sips_lit`, selector), best first. With n points kept, add log_n * log(n / 50) to the logit "
-    "(metadata `sips_lit`, recalibration; without one, nothing)."
+    "within nms_radius (metadata `sips_lit`, selector), best first. With n points kept, add log_n * log(n / 50) to the "
+    "logit (metadata `sips_lit`, recalibration; without one, nothing)."
 )
 
 

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from simulated_pairs import conditional_by_bisection
 
-from sips_lit.detect.budget import Budget, enough_inliers, smallest_budget
+from sips_lit.detect.budget import Budget, enough_inliers, enough_inliers_together, smallest_budget
+from sips_lit.detect.recalibration import Recalibration
 from sips_lit.errors import BadInputError
 from sips_lit.types import Keypoints
 
@@ -123,3 +125,44 @@ def test_no_points_at_all() -> None:
 def test_values_out_of_range_are_named(arguments: dict[str, float], key: str) -> None:
     with pytest.raises(BadInputError, match=key):
         Budget(**arguments)  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_points_that_share_an_effect_against_drawing_them() -> None:
+    """The slow twin: draw the effect, then the points."""
+    p, k, deviation = np.linspace(0.9, 0.3, 30), 10, 1.3
+    generator = np.random.default_rng(0)
+    delta = np.array([conditional_by_bisection(float(each), deviation) for each in p])
+    logits = delta + deviation * generator.normal(size=(40_000, 1))
+    counts = np.cumsum(generator.random(logits.shape) < 1 / (1 + np.exp(-logits)), axis=1)
+    drawn = (counts >= k).mean(0)
+    np.testing.assert_allclose(enough_inliers_together(p, k, deviation)[1:], drawn, atol=0.01)
+    np.testing.assert_array_equal(enough_inliers_together(p, k, 0.0), enough_inliers(p, k))
+    assert enough_inliers_together(p, k, deviation)[20] < enough_inliers(p, k)[20] - 0.05
+
+
+@pytest.mark.parametrize("log_n", [0.0, 0.4])
+@pytest.mark.parametrize("threshold", [None, 0.45])
+def test_a_recalibrated_budget_is_the_first_that_is_enough_as_if_each_were_tried(
+    log_n: float, threshold: float | None
+) -> None:
+    recalibration = Recalibration(1.0, 0.0, log_n, 0.9)
+    points = keypoints_of(list(np.linspace(0.95, 0.4, 80)))
+    budget = Budget(k=8, confidence=0.9, threshold=threshold, n_max=80)
+    kept, enough = budget.keep(points, recalibration)
+
+    def tried(n: int) -> bool:
+        score = recalibration.best(points, n).score
+        clear = threshold is None or score[-1] >= threshold
+        return clear and float(enough_inliers_together(score, 8, 0.9)[-1]) >= 0.9
+
+    assert enough
+    assert len(kept) == next(n for n in range(1, 81) if tried(n))
+    np.testing.assert_allclose(kept.score, recalibration.best(points, len(kept)).score, atol=1e-6)
+    assert threshold is None or kept.score[-1] >= threshold
+
+
+def test_a_recalibrated_budget_out_of_reach_keeps_all_points() -> None:
+    points = keypoints_of([0.5] * 30)
+    kept, enough = Budget(k=14, confidence=0.9, n_max=30).keep(points, Recalibration(1, 0, 0.2, 1))
+    assert (len(kept), enough) == (30, False)
+    assert Budget(k=3).keep(Keypoints.empty(), Recalibration(1, 0, 0.2, 1))[1] is False
