@@ -69,7 +69,7 @@ def calibrate(config: DictConfig) -> float:
     require_finite(network, options.checkpoint)
     output, folder = output_path(options), Path(config.paths.run)
     cv2.setNumThreads(-1)
-    detector = SipsDetector(network, replace(selector, recalibration=AS_TRAINED))
+    detector = SipsDetector(network, replace(selector, subpixel=True, recalibration=AS_TRAINED))
     fitted_to, held = measure_parts(config, options, detector, folder)
     recalibration = fit_recalibration(groups_of(fitted_to))
     make_folder(output.parent)

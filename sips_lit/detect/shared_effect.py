@@ -12,6 +12,7 @@ of hundreds of points, which is narrower than they are; equal steps converge as 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -46,11 +47,17 @@ def conditional_logits(marginal: Floats, deviation: float) -> Floats:
     """delta (N,) of the points whose probability, over all pairs, has the logits ``marginal`` (N,)."""
     if deviation == 0:
         return marginal
+    return np.interp(marginal, *_marginal_of_conditional(deviation))
+
+
+@lru_cache(maxsize=8)  # a detector asks with the same deviation for each image
+def _marginal_of_conditional(deviation: float) -> tuple[Floats, Floats]:
+    """Logits of the mean over z of sigmoid(delta + d z), and delta, both (_STEPS,), ascending."""
     bound = LARGEST_LOGIT * np.sqrt(1 + deviation**2) + deviation**2
-    grid = np.linspace(-bound, bound, _STEPS)
-    means = np.logaddexp.reduce(_log_sigmoid(grid[:, None] + deviation * NODES) + np.log(WEIGHTS), axis=1)
-    # the mean of 1 - sigmoid is that of sigmoid at the other end of the grid
-    return np.interp(marginal, means - means[::-1], grid)
+    delta = np.linspace(-bound, bound, _STEPS)
+    log_sigmoid = -np.logaddexp(0, -(delta[:, None] + deviation * NODES))
+    means = np.logaddexp.reduce(log_sigmoid + np.log(WEIGHTS), axis=1)
+    return means - means[::-1], delta  # the mean of 1 - sigmoid is that of sigmoid at the other end
 
 
 def conditional_probabilities(probability: Any, deviation: float) -> Floats:
@@ -73,8 +80,3 @@ def log_likelihood(delta: Floats, inlier: NDArray[np.bool_], deviation: float) -
     logits = delta[:, None] + deviation * NODES
     each = inlier @ logits - np.logaddexp(0, logits).sum(0)
     return float(np.logaddexp.reduce(each + np.log(WEIGHTS)))
-
-
-def _log_sigmoid(logits: Floats) -> Floats:
-    values: Floats = -np.logaddexp(0, -logits)
-    return values

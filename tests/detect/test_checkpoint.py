@@ -1,5 +1,6 @@
 import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from sips_lit.detect.checkpoint import (
     start_from,
 )
 from sips_lit.detect.detector import SipsDetector
+from sips_lit.detect.recalibration import Recalibration
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
@@ -267,3 +269,34 @@ def test_weights_that_are_not_finite_are_no_start(tmp_path, value):
 def test_a_digest_tells_the_weights_and_what_the_network_makes_of_them():
     digests = [digest_of(tiny_network()), digest_of(tiny_network(1)), digest_of(tiny_network(leaky_slope=0.1))]
     assert len({*digests, digest_of(tiny_network())}) == 3
+
+
+@pytest.mark.parametrize("suffix", [".ckpt", ".safetensors"])
+def test_a_recalibration_comes_back_and_is_used(tmp_path, content, suffix):
+    recalibration = Recalibration(0.7, -0.5, 0.25, 1.25)
+    selector, path = replace(SELECTOR, recalibration=recalibration), tmp_path / f"a{suffix}"
+    if suffix == ".ckpt":
+        content["hyper_parameters"]["recalibration"] = recalibration.config
+        torch.save(content, path)
+    else:
+        export_safetensors(tiny_network(), selector, path)
+        stored = json.loads(path.with_suffix(".json").read_text())
+        assert stored["recalibration"] == recalibration.config
+        assert stored["selector"] == SELECTOR.config
+    network, loaded = load_checkpoint(path)
+    assert loaded == selector
+    detector = SipsDetector.from_checkpoint(path)
+    assert detector.recalibration == recalibration
+    given = SipsDetector(network, replace(selector, subpixel=True))(IMAGE, 20)
+    np.testing.assert_array_equal(detector(IMAGE, 20).score, given.score)
+
+
+@pytest.mark.parametrize("wrong", [{"scale": -1.0}, {"scale": "x"}, {"steps": 3}, {"difficulty": float("nan")}, 5])
+def test_a_recalibration_that_can_not_be(tmp_path, content, wrong):
+    content["hyper_parameters"]["recalibration"] = wrong
+    torch.save(content, tmp_path / "x.ckpt")
+    assert "is not a checkpoint of a sips_lit score network" in refused(tmp_path / "x.ckpt")
+
+
+def test_without_a_recalibration_none_is_stored():
+    assert "recalibration" not in json.loads(config_json(tiny_network(), SELECTOR))

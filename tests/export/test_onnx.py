@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,9 @@ from textured_scenes import texture
 
 from sips_lit.detect.checkpoint import METADATA_KEY, config_json
 from sips_lit.detect.peaks import local_maxima
+from sips_lit.detect.recalibration import Recalibration
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.detect.selection import PointSelector, image_tensor
+from sips_lit.detect.selection import PointSelector, image_tensor, score_map
 from sips_lit.errors import BadInputError
 from sips_lit.export.onnx import export_onnx, max_difference, require_export_extra
 
@@ -126,3 +128,16 @@ def test_missing_packages_are_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "onnxscript" else name)
     with pytest.raises(BadInputError, match=r"needs onnxscript: install them with pip install 'sips_lit\[export\]'"):
         require_export_extra()
+
+
+def test_a_recalibration_is_in_the_map_and_in_the_metadata(tmp_path):
+    network, recalibration = make_network(), Recalibration(0.6, 0.8, 0.3, 1.1)
+    path = tmp_path / "calibrated.onnx"
+    assert export_onnx(network, replace(SELECTOR, recalibration=recalibration), path) < 1e-5
+    properties = {entry.key: entry.value for entry in onnx.load(path).metadata_props}
+    assert json.loads(properties[METADATA_KEY])["recalibration"] == recalibration.config
+    session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+    image = texture(33, 47)
+    np.testing.assert_allclose(
+        probability(session, image[None, None])[0, 0], score_map(network, image, recalibration), atol=1e-5
+    )
