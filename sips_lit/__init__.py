@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from sips_lit.detect.base import BaseDetector as BaseDetector
     from sips_lit.detect.budget import Budget as Budget
     from sips_lit.detect.detector import SipsDetector as SipsDetector
+    from sips_lit.detect.recalibration import Recalibration as Recalibration
     from sips_lit.errors import BadInputError as BadInputError
     from sips_lit.evaluate.measures import Measures as Measures
     from sips_lit.evaluate.result import MethodResult as MethodResult
@@ -116,6 +117,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "pairs.sampler": ("read_pair",),
     "detect.detector": ("SipsDetector",),
     "detect.budget": ("Budget",),
+    "detect.recalibration": ("Recalibration",),
     "detect.base": ("BaseDetector",),
     "baselines.sift": ("SiftDetector",),
     "baselines.orb": ("OrbDetector",),

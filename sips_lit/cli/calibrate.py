@@ -101,7 +101,7 @@ def measure_parts(
     Raises BadInputError for names in ``held_back`` that no pair set has, and where nothing would be left on one side.
     """
     defaults = OmegaConf.load(CONF_DIR / "evaluation" / "default.yaml")
-    whole = OmegaConf.merge(defaults, OmegaConf.create({"pose": False}), config)
+    whole = OmegaConf.merge(defaults, OmegaConf.create({"pose": False, "n": 1}), config)
     assert isinstance(whole, DictConfig)
     known = [str(key) for key, entry in (config.pair_sets or {}).items() if entry is not None]
     for name in options.held_back:

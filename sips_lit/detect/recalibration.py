@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,6 @@ from sips_lit.types import Keypoints
 REFERENCE_POINTS: Final = 50
 """The number of points at which ``log_n`` shifts nothing: that of score maps, where no points are kept."""
 MOST_DIFFICULTY: Final = 4.0
-
-Logits = TypeVar("Logits", bound=Any)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class Recalibration:
         """The constructor's arguments."""
         return asdict(self)
 
-    def logits(self, logits: Logits, n: int = REFERENCE_POINTS) -> Logits:
+    def logits(self, logits: Any, n: int = REFERENCE_POINTS) -> Any:
         """Recalibrated ones, an array or tensor, with ``n`` points kept."""
         shift = self.offset + self.log_n * math.log(max(n, 1) / REFERENCE_POINTS)
         return self.scale * logits + shift

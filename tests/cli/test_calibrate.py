@@ -8,6 +8,7 @@ import pytest
 from cli_runs import write_frames
 from textured_scenes import flight
 
+from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.recalibration import AS_TRAINED
@@ -59,6 +60,33 @@ def test_a_new_file_with_the_same_points_and_other_probabilities(calibrate, mine
     again = calibrate(f"checkpoint={output}", f"output={folders}/again.safetensors")
     assert again.code == 0, again.err
     assert load_checkpoint(folders / "again.safetensors")[1] == load_checkpoint(output)[1]
+
+
+def test_detection_and_evaluation_use_it(calibrate, command, mine, frames, folders):
+    assert calibrate().code == 0
+    output = mine.with_name("best_calibrated.safetensors")
+    detector = SipsDetector.from_checkpoint(output)
+    given = f"checkpoint={output}", f"input={frames / '003.png'}", "k=4", "confidence=0.6", "n_max=40", "format=npz"
+    assert command("detect", *given, f"output={folders}/points").code == 0
+    with np.load(folders / "points" / "003.npz") as stored:
+        expected, _ = detector.within(frames / "003.png", Budget(k=4, confidence=0.6, n_max=40))
+        np.testing.assert_array_equal(stored["scores"], expected.score)
+    data = (
+        "data=folder",
+        f"data.path={frames}",
+        "calibration=[10]",
+        "n_max=40",
+        "n=10",
+        "k=4",
+        "pose=false",
+        "pictures=false",
+    )
+    found = command("evaluate", f"checkpoint={output}", *data, "pairs=4", f"hydra.run.dir={folders}/evaluation")
+    assert found.code == 0, found.err
+    (of_set,) = json.loads((folders / "evaluation" / "results.json").read_text())["pair_sets"]
+    bins = of_set["detectors"][0]["calibration"]["10"]["mean_score"]
+    low, high = (detector(frames / "003.png", 10).score[at] for at in (-1, 0))
+    assert all(value is None or value == "nan" or low - 0.1 < float(value) < high + 0.1 for value in bins)
 
 
 def test_several_data_sets(calibrate, folders):

@@ -6,6 +6,7 @@ import torch
 from textured_scenes import texture
 from tiny_network import tiny_network
 
+from sips_lit.detect.budget import Budget
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
 from sips_lit.detect.selection import PointSelector
@@ -57,6 +58,17 @@ def test_scores_of_certain_points_stay_so():
     ends = np.array([1.0, 0.0], np.float32)
     np.testing.assert_allclose(SOME.moved(ends, 50, 10), ends, atol=1e-7)
     assert len(SOME.moved(np.zeros(0, np.float32), 0, 0)) == 0
+
+
+def test_a_budget_of_the_detector_is_that_of_its_points():
+    detector = detectors()[1]
+    budget = Budget(k=2, confidence=0.5, n_max=40)
+    kept, enough = detector.within(IMAGE, budget)
+    expected, as_expected = budget.keep(detector(IMAGE, 40), SOME)
+    assert enough == as_expected
+    np.testing.assert_array_equal(kept.xy, expected.xy)
+    np.testing.assert_array_equal(kept.score, expected.score)
+    np.testing.assert_allclose(kept.score, detector(IMAGE, len(kept)).score, atol=1e-6)
 
 
 @pytest.mark.parametrize(

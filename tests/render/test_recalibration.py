@@ -20,7 +20,7 @@ def test_errors_and_promises_of_each_data_set():
     upper, lower = figure.axes[0], figure.axes[2]
     labels = [text.get_text() for text in upper.get_legend().get_texts()]
     assert labels == [f"before: ECE {BAD.ece:.3f}", f"after: ECE {GOOD.ece:.3f}"]
-    assert lower.lines[1].get_ydata() == [0.5, 0.5]
+    assert list(lower.lines[1].get_ydata()) == [0.5, 0.5]
     assert figure.axes[1].get_title() == r"a_\$set"
     assert figure_to_array(figure).std() > 0
 
