@@ -83,6 +83,7 @@ def test_there_are_commands():
         "data",
         "evaluate",
         "benchmark",
+        "calibrate",
         "detect",
         "export",
     }
