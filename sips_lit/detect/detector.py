@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, overload
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from sips_lit.detect.base import BaseDetector
@@ -22,6 +23,8 @@ from sips_lit.types import FloatArray, GreyImage, Keypoints, ScoreKind
 
 # modes of PIL images whose bytes are indices of a palette, inks and the like
 PIL_NEITHER_GREY_NOR_RGB: Final = frozenset({"P", "PA", "LA", "La", "RGBa", "CMYK", "YCbCr", "HSV"})
+LEAST_OF_255: Final = 16.0
+"""Floats whose largest is at least this (and at most 255) are of 0 to 255: less would be a black image in that range."""
 
 
 class SipsDetector(BaseDetector):
@@ -31,14 +34,20 @@ class SipsDetector(BaseDetector):
     >>> points = detector("image.png", n=50)
     >>> points.xy.shape, points.score.shape
     ((50, 2), (50,))
+    >>> [len(points) for points in detector(["a.png", "b.png"], n=50)]
+    [50, 50]
     """
 
     name = "SIPs"
     scores: ScoreKind = "probability"
 
     def __init__(self, network: ScoreNetwork, selector: PointSelector, device: str | torch.device = "cpu") -> None:
-        self.device = torch.device(device)
-        self.network, self.selector = network.eval().to(self.device), selector
+        self.network, self.selector = network.eval().to(device), selector
+
+    @property
+    def device(self) -> torch.device:
+        """Where the network is."""
+        return next(self.network.parameters()).device
 
     @classmethod
     def from_checkpoint(
@@ -71,13 +80,27 @@ class SipsDetector(BaseDetector):
         """What makes the network's logits the probabilities that points have as scores."""
         return self.selector.recalibration
 
-    def __call__(self, image: str | Path | np.ndarray[Any, Any] | Tensor | Any, n: int = 50) -> Keypoints:
+    @overload
+    def __call__(self, image: list[Any] | tuple[Any, ...], n: int = 50) -> list[Keypoints]: ...
+
+    @overload
+    def __call__(self, image: Tensor, n: int = 50) -> Any: ...
+
+    @overload
+    def __call__(self, image: str | Path | NDArray[Any] | Any, n: int = 50) -> Keypoints: ...
+
+    def __call__(self, image: Any, n: int = 50) -> Keypoints | list[Keypoints]:
         """The ``n`` points of ``image`` most likely to be inliers (fewer, if it has not so many), best first.
 
-        ``image``: a path; a grey (H, W) or colour (H, W, 3) RGB array or PIL image, uint8, uint16 or float in [0, 1]; or a
-        tensor, (H, W), (1, H, W) or (3, H, W). Grey is that of `read_grey`. Raises BadInputError for anything else.
+        ``image``: a path; a grey (H, W) or colour (H, W, 3) RGB array or PIL image; or a tensor, (H, W), (1, H, W) or
+        (3, H, W). Values are uint8, uint16, or float from 0 to 1 or from 0 to 255. Grey is that of `read_grey`. Of a batch,
+        which is a list of images or a tensor (B, 1, H, W) or (B, 3, H, W), a list of what each image gives alone.
+        Raises BadInputError for anything else.
         """
-        return self.detect(as_grey(image), n)
+        if not is_batch(image):
+            return self.detect(as_grey(image), n)
+        # one after the other: on a CPU it is as fast, memory stays that of an image, and sums come out the same
+        return [self.detect(as_grey(one, f"image {index} of the batch"), n) for index, one in enumerate(image)]
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points of a grey uint8 image (H, W), best first."""
@@ -85,12 +108,12 @@ class SipsDetector(BaseDetector):
             raise BadInputError(f"n is {n}: ask for a number of points that is not negative")
         return self.selector.select(self.network, image_tensor(image, self.device), n).keypoints
 
-    def within(self, image: str | Path | np.ndarray[Any, Any] | Tensor | Any, budget: Budget) -> tuple[Keypoints, bool]:
+    def within(self, image: str | Path | NDArray[Any] | Tensor | Any, budget: Budget) -> tuple[Keypoints, bool]:
         """The points of ``image`` that a ``budget`` keeps, and whether they are enough for its k inliers; see `Budget.keep`.
 
-        ``image`` as in a call of the detector.
+        ``image``: one image, as in a call of the detector.
         """
-        return budget.keep(self(image, budget.candidates), self.recalibration)
+        return budget.keep(self.detect(as_grey(image), budget.candidates), self.recalibration)
 
     def best(self, keypoints: Keypoints, n: int) -> Keypoints:
         """The first ``n`` of its points of an image, with the probabilities that they have when the others are not kept."""
@@ -104,8 +127,16 @@ class SipsDetector(BaseDetector):
         return score_map(self.network, image, self.recalibration)
 
 
-def as_grey(image: Any) -> GreyImage:
-    """Any of the image types that `SipsDetector` takes as grey uint8 (H, W). Raises BadInputError for others."""
+def is_batch(image: Any) -> bool:
+    """Whether it is several images: a list or tuple, or a tensor of four dimensions."""
+    return isinstance(image, list | tuple) or (isinstance(image, Tensor) and image.ndim == 4)
+
+
+def as_grey(image: Any, name: str = "the image") -> GreyImage:
+    """Any of the images that `SipsDetector` takes as grey uint8 (H, W); errors call it ``name``.
+
+    Raises BadInputError for others.
+    """
     if isinstance(image, str | Path):
         return read_grey(Path(image))
     if isinstance(image, Tensor):
@@ -115,8 +146,10 @@ def as_grey(image: Any) -> GreyImage:
     else:
         mode = getattr(image, "mode", None)  # of a PIL image
         if mode == "LAB":
-            raise BadInputError("an image in LAB must be converted first, since Pillow cannot: give RGB or grey")
+            raise BadInputError(f"{name} in LAB must be converted first, since Pillow cannot: give RGB or grey")
         if mode in PIL_NEITHER_GREY_NOR_RGB:
             image = image.convert("RGBA" if mode == "RGBa" else "RGB")
         array = np.asarray(image)
-    return to_grey(array, "the image", rgb=True)
+    if array.dtype.kind == "f" and array.size and array.min() >= 0 and LEAST_OF_255 <= array.max() <= 255:
+        array = array / np.float32(255)
+    return to_grey(array, name, rgb=True)

@@ -100,13 +100,13 @@ class PointSelector:
 def image_pyramid(image: Tensor, scales: int, factor: float) -> list[Tensor]:
     """``scales`` images (1, 1, H / factor^s, W / factor^s) of one image (1, 1, H, W), the first unchanged.
 
-    Each level is shrunk from the original with an anti-aliasing filter. Levels that would be smaller than one pixel are
-    left out.
+    Each level is shrunk from the original with an anti-aliasing filter, and rounded to 1/256 of a grey value: a blank image
+    stays one, where rounding errors of the filter would be peaks. Levels that would be smaller than one pixel are left out.
     """
     height, width = image.shape[-2:]
     sizes = [(round(height / factor**s), round(width / factor**s)) for s in range(1, scales)]
     return [image] + [
-        F.interpolate(image, size, mode="bilinear", align_corners=False, antialias=True)
+        F.interpolate(image, size, mode="bilinear", align_corners=False, antialias=True).mul_(256).round_().div_(256)
         for size in sizes
         if min(size) > 0
     ]

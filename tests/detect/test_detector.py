@@ -12,6 +12,7 @@ from textured_scenes import texture
 from tiny_network import save_lightning, tiny_detector, tiny_network
 
 from sips_lit.detect.detector import SipsDetector, as_grey
+from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
 from sips_lit.types import Keypoints
@@ -60,6 +61,12 @@ def type_of(given) -> str:
         torch.from_numpy(GREY).expand(3, -1, -1),
         torch.from_numpy(GREY)[None] / 255,
         (torch.from_numpy(GREY) / 255).requires_grad_(),
+        GREY.astype(np.float32),
+        GREY.astype(np.float16),
+        GREY.astype(np.float64)[:, :, None],
+        torch.from_numpy(GREY)[None].float(),
+        np.repeat(np.repeat(GREY, 2, 0), 3, 1)[::2, ::3],
+        torch.from_numpy(GREY.T.copy()).T,
     ],
     ids=type_of,
 )
@@ -139,7 +146,6 @@ def test_the_image_is_not_touched(detector):
     [
         (np.zeros((2, 3, 3, 3)), "not of shape"),
         (np.zeros((4, 4, 2), np.uint8), "not of shape"),
-        (torch.zeros(2, 1, 8, 8), "not of shape"),
         (torch.zeros(2, 8, 8), "not of shape"),
         (np.zeros(7, np.uint8), "not of shape"),
         (None, "not of shape"),
@@ -147,7 +153,12 @@ def test_the_image_is_not_touched(detector):
         (np.zeros((5, 0, 3), np.uint8), "empty"),
         (GREY.astype(np.int64), "not int64"),
         (GREY.astype(complex), "not complex128"),
-        (GREY.astype(np.float32), "divide it by 255"),
+        (GREY.astype(np.float32) + 9, "divide it by 255"),
+        (GREY / np.float32(50), "divide it by 255"),  # from 0 to 5: neither range
+        (GREY - np.float32(1e-3), "from -0.001"),
+        (np.where(GREY > 250, np.inf, GREY), "finite"),
+        (torch.full((1, 4, 4), torch.nan), "finite"),
+        (np.where(GREY > 250, np.nan, GREY), "finite"),
         (np.full((4, 4), np.nan), "finite"),
         (np.full((4, 4), -0.1), "finite values from 0 to 1"),
         ("no/such/image.png", "cannot read the image no/such/image.png"),
@@ -249,3 +260,61 @@ def test_a_big_endian_pil_image_and_one_in_lab():
     np.testing.assert_array_equal(as_grey(deep), GREY)
     with pytest.raises(BadInputError, match="LAB must be converted first"):
         as_grey(PIL.Image.frombytes("LAB", (50, 40), bytes(6000)))
+
+
+MIXED = [GREY, RGB, GREY[:5, :7], torch.from_numpy(GREY)[None] / 255, PIL.Image.fromarray(RGB)]
+
+
+@pytest.mark.parametrize("kind", [list, tuple])
+def test_a_batch_of_mixed_sizes_is_its_images(detector, kind):
+    found = detector(kind(MIXED), 20)
+    assert len(found) == 5
+    for points, image in zip(found, MIXED, strict=True):
+        same(points, detector(image, 20))
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("scale", [1, 255])
+def test_a_batch_in_a_tensor_is_its_images(detector, channels, scale):
+    images = [texture(40, 60, seed) for seed in range(3)]
+    stacked = torch.stack([torch.from_numpy(image).expand(channels, -1, -1) for image in images])
+    for batch in (stacked, stacked / 255 * scale, stacked.flip(3).flip(3), stacked.transpose(2, 3).transpose(2, 3)):
+        found = detector(batch, 20)
+        for points, image in zip(found, images, strict=True):
+            same(points, detector(image, 20))
+
+
+def test_a_batch_of_nothing(detector):
+    assert detector([]) == detector(torch.zeros(0, 1, 8, 8)) == []
+
+
+def test_the_image_of_a_batch_that_is_none_is_named(detector):
+    with pytest.raises(BadInputError, match="image 1 of the batch has values of type float64 from nan"):
+        detector([GREY, np.full((4, 4), np.nan)])
+    with pytest.raises(BadInputError, match=r"image 0 of the batch must be \(H, W\)"):
+        detector(torch.zeros(1, 2, 8, 8))
+    with pytest.raises(BadInputError, match="image 1 of the batch must be"):
+        detector([GREY, [GREY]])
+
+
+@pytest.mark.parametrize("scales", [1, 3])
+@pytest.mark.parametrize("grey", [0, 99, 255])
+@pytest.mark.parametrize("size", [(77, 101), (1, 50), (3, 2)])
+def test_a_blank_image_has_few_points(scales, grey, size):
+    detector = SipsDetector(tiny_network(scales=scales), PointSelector())
+    assert len(detector(np.full(size, grey, np.uint8), 10**6)) <= 5  # rounding errors of convolutions
+
+
+@pytest.mark.parametrize("derivatives", [False, True])
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (4, 4), (20, 3)])
+def test_images_smaller_than_the_receptive_field(derivatives, size):
+    torch.manual_seed(0)
+    detector = SipsDetector(ScoreNetwork(10, 4, derivatives=derivatives), PointSelector())
+    points = detector(texture(40, 40)[: size[0], : size[1]], 5)
+    assert 1 <= len(points) <= 5
+    assert np.isfinite(points.xy).all()
+    assert np.all((points.score > 0) & (points.score < 1))
+
+
+def test_the_device_is_where_the_network_is(detector):
+    assert detector.device == torch.device("cpu")
