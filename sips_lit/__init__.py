@@ -35,6 +35,12 @@ if TYPE_CHECKING:
     from sips_lit.evaluate.measures import Measures as Measures
     from sips_lit.evaluate.result import MethodResult as MethodResult
     from sips_lit.evaluate.runner import evaluate_detector as evaluate_detector
+    from sips_lit.formats.colmap import ColmapDatabase as ColmapDatabase
+    from sips_lit.formats.hloc import HlocFeatures as HlocFeatures
+    from sips_lit.formats.kornia import SipsFeature as SipsFeature
+    from sips_lit.formats.kornia import kornia_lafs as kornia_lafs
+    from sips_lit.formats.opencv import opencv_keypoints as opencv_keypoints
+    from sips_lit.formats.vismatch import SipsMatcher as SipsMatcher
     from sips_lit.frames.folder import folder as folder
     from sips_lit.frames.images import read_grey as read_grey
     from sips_lit.frames.video import video as video
@@ -140,6 +146,11 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "evaluate.runner": ("evaluate_detector",),
     "evaluate.measures": ("Measures",),
     "evaluate.result": ("MethodResult",),
+    "formats.opencv": ("opencv_keypoints",),
+    "formats.kornia": ("kornia_lafs", "SipsFeature"),
+    "formats.vismatch": ("SipsMatcher",),
+    "formats.hloc": ("HlocFeatures",),
+    "formats.colmap": ("ColmapDatabase",),
 }
 """The public names by their modules, in the order of the data; the imports above are the same list for type checkers."""
 

@@ -53,6 +53,32 @@ def write_whole(path: Path, content: Buffer) -> None:
         raise
 
 
+class Unfinished:
+    """A file that is written piece by piece, as ``temporary``; it gets its name, ``path``, when it is whole."""
+
+    def __init__(self, path: Path) -> None:
+        """Makes the folder. Raises BadInputError where that is not possible, or ``path`` is a folder."""
+        make_folder(path.parent)
+        self.path, self.temporary = path, path.with_name(f".{path.name}.unfinished")
+        if path.is_dir():
+            raise BadInputError(f"cannot write {path}, which is a folder: choose another output folder")
+
+    def finish(self) -> None:
+        """Gives the closed file its name. Raises BadInputError when it can't be written; it is removed then."""
+        try:
+            with self.temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            self.temporary.replace(self.path)
+        except OSError as error:
+            self.discard()
+            raise BadInputError(unwritten(self.path, error)) from error
+
+    def discard(self) -> None:
+        """Removes what was written."""
+        with contextlib.suppress(OSError):
+            self.temporary.unlink(missing_ok=True)
+
+
 def unwritten(path: Path, error: OSError) -> str:
     """Why a file could not be written, with the disk if it is full."""
     full = error.errno in FULL

@@ -11,7 +11,7 @@ from typing import Any, get_args
 import torch
 from omegaconf import DictConfig
 
-from sips_lit.cli.app import run, typed
+from sips_lit.cli.app import build, run, typed
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
@@ -29,6 +29,7 @@ class DetectOptions:
     names: str | None
     output: str
     format: Any
+    descriptor: Any
     n: int
     threshold: float | None
     k: int | None
@@ -50,7 +51,8 @@ def detect(config: DictConfig) -> None:
     )
     stream = open_stream(Path(options.input), "overlay" in kinds, options.names)
     folder, summary = Path(options.output), DetectionSummary()
-    writers = [open_writer(kind, folder, stream.fps) for kind in kinds]
+    descriptor = build(config.descriptor)
+    writers = [open_writer(kind, folder, stream.fps, descriptor) for kind in kinds]
     try:
         detect_stream(detector, stream, budget, writers, summary, detector.recalibration)
     finally:

@@ -43,6 +43,17 @@ def read_values(path: str | Path) -> NDArray[Any]:
     return decode_values(_bytes(Path(path)), str(path))
 
 
+def read_rgb(path: str | Path, grey: GreyImage | None = None) -> NDArray[np.uint8]:
+    """An image file as RGB uint8 (H, W, 3); of more than 8 bits it is ``grey``, by default that of `read_grey`.
+
+    Raises BadInputError as `read_grey` does.
+    """
+    values = read_values(path)
+    if values.dtype != np.uint8:
+        return np.dstack([read_grey(path) if grey is None else grey] * 3)
+    return np.asarray(cv2.cvtColor(values, cv2.COLOR_GRAY2RGB if values.ndim == 2 else cv2.COLOR_BGR2RGB), np.uint8)
+
+
 def decode_values(data: bytes, name: str) -> NDArray[Any]:
     """The image of a file's bytes as `read_values` gives it; errors call it ``name``."""
     return _decode(data, name, DECODE_FLAGS)

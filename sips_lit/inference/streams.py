@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.frames.folder import different_kinds, images_named
 from sips_lit.frames.image_kind import group_of, in_one_folder
-from sips_lit.frames.images import read_grey, read_values
+from sips_lit.frames.images import read_grey, read_rgb, read_values
 from sips_lit.frames.listing import IMAGE_SUFFIXES, VIDEO_SUFFIXES, list_images
 from sips_lit.frames.span import find_span
 from sips_lit.frames.video_file import VideoFile
@@ -30,12 +30,14 @@ DEFAULT_FPS: Final = 25.0
 class Frame:
     """One image: ``name`` is what its output files are called, ``grey`` (H, W) is what detectors see.
 
-    ``picture`` is what people see: RGB (H, W, 3), or the grey image unless colour was asked for.
+    ``picture`` is what people see: RGB (H, W, 3), or the grey image unless colour was asked for. ``file`` is the name of the
+    image's file, empty for a frame of a video.
     """
 
     name: str
     grey: GreyImage
     picture: NDArray[np.uint8]
+    file: str = ""
 
 
 class FrameStream(ABC):
@@ -98,15 +100,7 @@ class ImageStream(FrameStream):
         span = find_span(len(deep), lambda index: read_values(deep[index]))
         for path in self.paths:
             grey = read_grey(path, span)  # also finds damaged files
-            yield Frame(path.stem, grey, _picture(path, grey) if self.colour else grey)
-
-
-def _picture(path: Path, grey: GreyImage) -> NDArray[np.uint8]:
-    """RGB (H, W, 3) of an image of 8 bits, and of others the grey one."""
-    values = read_values(path)
-    if values.dtype != np.uint8:
-        return np.dstack([grey] * 3)
-    return np.asarray(cv2.cvtColor(values, cv2.COLOR_GRAY2RGB if values.ndim == 2 else cv2.COLOR_BGR2RGB), np.uint8)
+            yield Frame(path.stem, grey, read_rgb(path, grey) if self.colour else grey, path.name)
 
 
 class VideoStream(FrameStream):

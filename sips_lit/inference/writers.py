@@ -1,24 +1,26 @@
-"""Where detected points go: npz files, one table, and pictures. A file has its name when it is whole."""
+"""Where detected points go: npz, one table, pictures, files of hloc and COLMAP. A file has its name when it is whole."""
 
 from __future__ import annotations
 
 import contextlib
 import csv
 import io
-import os
 from pathlib import Path
-from typing import Literal, NoReturn, Protocol
+from typing import Any, Literal, NoReturn, Protocol
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import disk_of, make_folder, unwritten, write_whole
+from sips_lit.files import Unfinished, disk_of, make_folder, unwritten, write_whole
+from sips_lit.formats.colmap import ColmapDatabase, ColmapText
+from sips_lit.formats.hloc import HlocFeatures
 from sips_lit.inference.streams import Frame
 from sips_lit.render.points import draw_points
-from sips_lit.types import Keypoints
+from sips_lit.types import Descriptor, Keypoints
 
-Format = Literal["npz", "csv", "overlay"]
+Format = Literal["npz", "hloc", "colmap", "colmap_text", "csv", "overlay"]
 
 
 class PointWriter(Protocol):
@@ -36,13 +38,70 @@ class PointWriter(Protocol):
         return
 
 
-def open_writer(kind: Format, folder: Path, fps: float | None) -> PointWriter:
-    """The writer of one output format; overlays are a video if the frames have a rate, else pictures."""
-    if kind == "npz":
-        return NpzWriter(folder)
-    if kind == "csv":
-        return CsvWriter(folder / "points.csv")
-    return PictureWriter(folder / "overlay") if fps is None else VideoWriter(folder / "overlay.mp4", fps)
+def open_writer(kind: Format, folder: Path, fps: float | None, descriptor: Descriptor | None = None) -> PointWriter:
+    """The writer of one output format; overlays are a video if the frames have a rate, else pictures.
+
+    ``descriptor`` describes the points in hloc's and COLMAP's files; None leaves descriptors out.
+    """
+    match kind:
+        case "npz":
+            return NpzWriter(folder)
+        case "csv":
+            return CsvWriter(folder / "points.csv")
+        case "hloc":
+            return FeatureWriter(HlocFeatures(folder / "features.h5"), descriptor)
+        case "colmap":
+            return FeatureWriter(ColmapDatabase(folder / "database.db"), descriptor)
+        case "colmap_text":
+            return FeatureWriter(ColmapText(folder / "colmap_text"), descriptor)
+        case "overlay":
+            return PictureWriter(folder / "overlay") if fps is None else VideoWriter(folder / "overlay.mp4", fps)
+
+
+class FeatureFile(Protocol):
+    """A file of another program, or a folder of them, that takes the features of one image after the other."""
+
+    @property
+    def path(self) -> Path:
+        """Where it is."""
+
+    @property
+    def images(self) -> int:
+        """How many were added."""
+
+    def add(
+        self, name: str, size: tuple[int, int], keypoints: Keypoints, descriptors: NDArray[Any] | None = None
+    ) -> None:
+        """Adds an image: its name, size (W, H), N points and their descriptors (N, D)."""
+
+    def close(self) -> None:
+        """Finishes it."""
+
+
+class FeatureWriter:
+    """Points with descriptors into a `FeatureFile`; images are called as their files, frames of a video ``<name>.png``."""
+
+    def __init__(self, file: FeatureFile, descriptor: Descriptor | None) -> None:
+        self.file, self.descriptor = file, descriptor
+
+    @property
+    def written(self) -> str:
+        """What was written so far."""
+        return f"{self.file.path.name} ({self.file.images} {'image' if self.file.images == 1 else 'images'})"
+
+    def write(self, frame: Frame, keypoints: Keypoints) -> None:
+        """Describes and adds the points of a frame."""
+        name, (height, width) = frame.file or f"{frame.name}.png", frame.grey.shape
+        try:
+            name.encode()
+        except UnicodeEncodeError as error:
+            raise BadInputError(f"the name of {name!r} is no UTF-8, which {self.file.path} needs: rename it") from error
+        described = None if self.descriptor is None else self.descriptor.describe(frame.grey, keypoints)
+        self.file.add(name, (width, height), keypoints, described)
+
+    def close(self) -> None:
+        """Finishes the file, of the frames so far."""
+        self.file.close()
 
 
 class NpzWriter(PointWriter):
@@ -69,13 +128,9 @@ class CsvWriter:
     """One table of all points: ``frame,x,y,score,scale``. Numbers are written so that they read back exactly."""
 
     def __init__(self, path: Path) -> None:
-        make_folder(path.parent)
-        self.path, self.rows = path, 0
-        self.unfinished = path.with_name(f".{path.name}.unfinished")
-        if path.is_dir():
-            raise BadInputError(f"cannot write {path}, which is a folder: choose another output folder")
+        self.path, self.rows, self.unfinished = path, 0, Unfinished(path)
         try:
-            self.file = self.unfinished.open("w", newline="", encoding="utf-8")
+            self.file = self.unfinished.temporary.open("w", newline="", encoding="utf-8")
         except OSError as error:
             raise BadInputError(unwritten(path, error)) from error
         self._append([["frame", "x", "y", "score", "scale"]])
@@ -96,12 +151,10 @@ class CsvWriter:
         if self.file.closed:
             return
         try:
-            self.file.flush()
-            os.fsync(self.file.fileno())
             self.file.close()
-            self.unfinished.replace(self.path)
         except OSError as error:
             self._give_up(error)
+        self.unfinished.finish()
 
     def _append(self, rows: list[list[str]]) -> None:
         text = io.StringIO()
@@ -115,7 +168,7 @@ class CsvWriter:
     def _give_up(self, error: OSError) -> NoReturn:
         with contextlib.suppress(OSError):
             self.file.close()
-        self.unfinished.unlink(missing_ok=True)
+        self.unfinished.discard()
         raise BadInputError(unwritten(self.path, error)) from error
 
 

@@ -1,0 +1,1 @@
+"""Points as other programs take them: hloc, COLMAP, OpenCV, kornia, vismatch."""
