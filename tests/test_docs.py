@@ -19,10 +19,14 @@ from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from markdown_code import ROOT, blocks, pages
 from omegaconf import OmegaConf
+from textured_scenes import flight
+from tiny_network import tiny_network
 
 import sips_lit
 from sips_lit.cli.app import CONF_DIR, register_resolvers
 from sips_lit.cli.data import parser
+from sips_lit.detect.checkpoint import export_safetensors
+from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
 from sips_lit.types import Camera, FramePair, Keypoints, Matches, Reason, ViewGeometry
 
@@ -207,3 +211,21 @@ def test_the_documented_data_set_is_recognised(my_package, tmp_path):
     (tmp_path / "first" / "poses.txt").touch()
     assert spec.sign(tmp_path) == "first/images, first/poses.txt"
     assert OmegaConf.load(my_package / "conf" / "data" / "rover.yaml")["_target_"] == "my_package.rover.rover"
+
+
+def test_the_documented_formats_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    network, selector = tiny_network(), PointSelector()
+    export_safetensors(network, selector, tmp_path / "best.safetensors")
+    for name, image in zip(("a.jpg", "b.jpg"), flight(2, size=(160, 120)).frames, strict=True):
+        cv2.imwrite(str(tmp_path / name), image)
+    names: dict[str, object] = {}
+    snippets = [block for block in blocks("python") if block.page == "docs/how-to/formats.md"]
+    for block in snippets:
+        exec(compile(block.text, str(block), "exec"), names)
+    assert len(snippets) == 4
+    assert (tmp_path / "database.db").is_file()
+    assert [len(points) for points in names["several"]] == [50, 50]
+    assert len(names["listed"]) == 50
+    assert names["lafs"].shape == (1, 50, 2, 3)
+    assert names["result"]["num_inliers"] > 4

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import disk_of, make_folder, write_csv, write_whole
+from sips_lit.files import Unfinished, disk_of, make_folder, write_csv, write_whole
 
 
 def names(folder: Path) -> list[str]:
@@ -117,3 +117,19 @@ def test_a_table_reads_back(tmp_path):
         read = list(csv.reader(file))
     assert read == [[*rows[0]], [rows[1][0], "0.30000000000000004", ""], [rows[2][0], "-1", ""]]
     assert float(read[1][1]) == rows[1][1]
+
+
+def test_an_unfinished_file_gets_its_name_when_it_is_whole(tmp_path):
+    whole = Unfinished(tmp_path / "new" / "a.db")
+    whole.temporary.write_text("half")
+    assert not whole.path.exists()
+    whole.finish()
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["a.db"]
+    whole.temporary.write_text("other")
+    whole.discard()
+    whole.discard()
+    assert whole.path.read_text() == "half"
+    with pytest.raises(BadInputError, match=r"cannot write .*a\.db"):
+        whole.finish()
+    with pytest.raises(BadInputError, match="which is a folder"):
+        Unfinished(tmp_path / "new")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -63,8 +63,11 @@ class ColmapDatabase:
         self._ids: dict[str, int] = {}
         self._open = True
         self._whole.discard()  # of a run that was killed: SQLite would go on with it
-        with self._told():
+        try:
             self._sql = sqlite3.connect(self._whole.temporary, isolation_level=None)
+        except sqlite3.Error as error:
+            raise BadInputError(unwritten(self.path, OSError(None, str(error)))) from error
+        with self._told():
             self._sql.execute("PRAGMA journal_mode = OFF")  # a file that is not whole is removed anyhow
             self._sql.executescript(SCHEMA)
             self._sql.execute("BEGIN")
@@ -145,8 +148,7 @@ class ColmapDatabase:
             yield
         except sqlite3.Error as error:
             self._open = False
-            with suppress(AttributeError, sqlite3.Error), closing(self._sql):
-                pass
+            self._sql.close()
             self._whole.discard()
             full = getattr(error, "sqlite_errorname", "") == "SQLITE_FULL"
             cause = OSError(FULL[0] if full else None, str(error))

@@ -1,5 +1,7 @@
+import contextlib
 import csv
 import shutil
+import sqlite3
 from pathlib import Path
 
 import cv2
@@ -8,10 +10,13 @@ import pytest
 import torch
 from textured_scenes import flight, texture
 
+from sips_lit.baselines.precomputed import PrecomputedDetector
 from sips_lit.cli.detect import choose_device, formats
+from sips_lit.describe.sift import RootSift
 from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
+from sips_lit.frames.images import read_grey
 
 
 @pytest.fixture
@@ -129,6 +134,31 @@ def test_formats(detect, frames, folders, wanted):
     written = {"npz": "000.npz", "csv": "points.csv", "overlay": "overlay/000.png"}
     expected = sorted(written[kind] for kind in wanted.strip("[]").split(","))
     assert names(folders / "points") == expected
+
+
+def test_formats_of_other_programs(detect, frames, folders, checkpoint):
+    pytest.importorskip("h5py", reason="it writes hloc's files: pip install h5py")
+    result = detect(frames, "n=20", "format=[hloc,colmap,colmap_text]")
+    assert result.code == 0, result.err
+    assert "features.h5 (16 images), database.db (16 images), colmap_text (16 images)" in result.out
+    points, image = SipsDetector.from_checkpoint(checkpoint)(frames / "003.png", n=20), read_grey(frames / "003.png")
+    # what we write is what we read
+    saved = PrecomputedDetector(folders / "points" / "features.h5", frames).detect_and_describe(image, 20)
+    np.testing.assert_array_equal(saved.keypoints.xy, points.xy)
+    np.testing.assert_array_equal(saved.descriptors, RootSift().describe(image, points))
+    with contextlib.closing(sqlite3.connect(folders / "points" / "database.db")) as sql:
+        query = "SELECT data FROM keypoints JOIN images USING (image_id) WHERE name = '003.png'"
+        (data,) = sql.execute(query).fetchone()
+        assert sql.execute("SELECT COUNT(*) FROM cameras").fetchone() == (1,)
+    np.testing.assert_array_equal(np.frombuffer(data, np.float32).reshape(20, 4)[:, :2], points.xy + 0.5)
+    rows = (folders / "points" / "colmap_text" / "003.png.txt").read_text().splitlines()
+    assert len(rows) == 21
+
+
+def test_descriptors_of_other_programs(detect, frames, folders):
+    assert detect(frames / "000.png", "format=colmap", "descriptor=own").code == 0
+    assert "COLMAP matches SIFT descriptors" in detect(frames, "format=colmap", "descriptor=orb").sentence
+    assert "choose descriptor=rootsift or sift" in detect(frames, "format=colmap_text", "descriptor=own").sentence
 
 
 def test_threshold(detect, frames, folders, checkpoint):
@@ -272,5 +302,5 @@ def test_formats_come_in_one_order():
     assert formats("csv") == ["csv"]
     assert formats(["overlay", "npz", "npz"]) == ["npz", "overlay"]
     for bad in (None, 3, "", [], ["npz", "png"], {"npz": 1}):
-        with pytest.raises(BadInputError, match="give one or several of npz, csv, overlay"):
+        with pytest.raises(BadInputError, match="give one or several of npz, hloc, colmap, colmap_text, csv, overlay"):
             formats(bad)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from textured_scenes import texture
 
 from sips_lit.errors import BadInputError
-from sips_lit.frames.images import decode_values, read_grey, resize_max_side, to_grey
+from sips_lit.frames.images import decode_values, read_grey, read_rgb, resize_max_side, to_grey
 from sips_lit.frames.listing import list_images
 from sips_lit.frames.span import FULL
 
@@ -305,3 +305,14 @@ def test_a_length_in_a_png_that_asks_for_gigabytes():
     with pytest.raises(BadInputError, match=r"a\.png is not an image that OpenCV can read, or is truncated"):
         decode_values(data[:at] + b"\xee" + data[at + 1 :], "a.png")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < before + 100_000  # kB
+
+
+def test_rgb_of_files(tmp_path):
+    path, colour = tmp_path / "a.png", np.dstack([np.full((4, 5), value, np.uint8) for value in (10, 20, 200)])
+    cv2.imwrite(str(path), colour[:, :, ::-1])
+    np.testing.assert_array_equal(read_rgb(path), colour)
+    cv2.imwrite(str(path), colour[:, :, 0])
+    np.testing.assert_array_equal(read_rgb(path), np.dstack([colour[:, :, 0]] * 3))
+    cv2.imwrite(str(path), np.arange(20, dtype=np.uint16).reshape(4, 5) * 3000)
+    np.testing.assert_array_equal(read_rgb(path), np.dstack([read_grey(path)] * 3))
+    np.testing.assert_array_equal(read_rgb(path, colour[:, :, 1]), np.dstack([colour[:, :, 1]] * 3))

@@ -1,12 +1,14 @@
 import contextlib
 import csv
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import cv2
 import numpy as np
 import pytest
 from textured_scenes import keypoints, texture
 
+from sips_lit.baselines.precomputed import HlocFile
+from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError
 from sips_lit.inference.streams import Frame
 from sips_lit.inference.writers import CsvWriter, NpzWriter, PictureWriter, VideoWriter, open_writer
@@ -97,6 +99,57 @@ def test_a_video_is_there_when_it_is_finished(tmp_path, size):
     assert [image.shape for image in frames] == [(48, 64, 3)] * 3  # even sizes only
     expected = draw_points(frame("a", *size).picture, POINTS)[:48, :64, ::-1]
     assert np.abs(frames[0].astype(int) - expected).mean() < 20  # as good as the codec allows
+
+
+FEATURE_FILES = {"hloc": "features.h5", "colmap": "database.db", "colmap_text": "colmap_text"}
+
+
+@pytest.mark.parametrize("kind", FEATURE_FILES)
+def test_features_with_descriptors(tmp_path, kind):
+    if kind == "hloc":
+        pytest.importorskip("h5py", reason="it writes hloc's files: pip install h5py")
+    writer = open_writer(kind, tmp_path / "new", None, RootSift())
+    writer.write(Frame("a", frame().grey, frame().picture, "a.JPG"), POINTS)
+    assert writer.written == f"{FEATURE_FILES[kind]} (1 image)"
+    writer.write(frame("b"), Keypoints.empty())
+    writer.close()
+    writer.close()
+    assert writer.written == f"{FEATURE_FILES[kind]} (2 images)"
+    assert names(tmp_path / "new") == [FEATURE_FILES[kind]]
+    if kind == "colmap_text":
+        assert names(tmp_path / "new" / "colmap_text") == ["a.JPG.txt", "b.png.txt"]
+    if kind == "hloc":
+        saved = HlocFile(tmp_path / "new" / "features.h5").read(PurePosixPath("a.JPG"))
+        np.testing.assert_array_equal(saved.keypoints, POINTS.xy)
+        np.testing.assert_array_equal(saved.descriptors, RootSift().describe(frame().grey, POINTS))
+        assert saved.image_size == (64, 48)
+
+
+@pytest.mark.parametrize("kind", ["hloc", "colmap"])
+def test_names_that_are_no_utf8(tmp_path, kind):
+    if kind == "hloc":
+        pytest.importorskip("h5py", reason="it writes hloc's files: pip install h5py")
+    closing = contextlib.closing(open_writer(kind, tmp_path, None))
+    with closing as writer, pytest.raises(BadInputError, match="is no UTF-8"):
+        writer.write(Frame("a", frame().grey, frame().picture, "a\udcff.png"), POINTS)
+
+
+@pytest.mark.parametrize("kind", ["hloc", "colmap", "colmap_text"])
+def test_features_on_a_full_disk(full_disk, kind):
+    if kind == "hloc":
+        pytest.importorskip("h5py", reason="it writes hloc's files: pip install h5py")
+
+    def filled(count: int) -> None:
+        with contextlib.closing(open_writer(kind, full_disk, None, RootSift())) as writer:
+            for index in range(count):
+                writer.write(frame(f"{index}"), keypoints(np.full((500, 2), 20.0)))
+
+    filled(1)
+    before = (full_disk / FEATURE_FILES[kind]).stat().st_ino
+    with pytest.raises(BadInputError, match=f"cannot write {full_disk}/.*the disk {full_disk} is full"):
+        filled(100)
+    assert (full_disk / FEATURE_FILES[kind]).stat().st_ino == before
+    assert not list(full_disk.rglob(".*"))
 
 
 @pytest.mark.parametrize("kind", [NpzWriter, CsvWriter, PictureWriter, VideoWriter])
