@@ -195,4 +195,4 @@ def sift_bytes(descriptors: NDArray[Any]) -> NDArray[np.uint8]:
             f"{descriptors.shape}: choose descriptor=rootsift or sift, or own (none) and add matches of your own"
         )
     unit = not descriptors.size or descriptors.max() <= 1  # else they are bytes already, as OpenCV gives them
-    return np.clip(np.rint(descriptors * (LENGTH if unit else 1)), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(descriptors * (LENGTH if unit else 1)), 0, 255), np.uint8)

@@ -15,7 +15,7 @@ from sips_lit.describe.sift import RootSift
 from sips_lit.detect.detector import SipsDetector, as_grey
 from sips_lit.frames.images import read_rgb
 from sips_lit.match.mutual_nearest import distances, mutual_nearest
-from sips_lit.types import Descriptor, Features
+from sips_lit.types import Descriptor, Features, FloatArray
 
 FEWEST: Final = 4  # matches that define a homography
 
@@ -89,11 +89,17 @@ class SipsMatcher(nn.Module):
         keypoints = self.detector.detect(grey, self.n)
         return Features(keypoints, self.descriptor.describe(grey, keypoints), self.descriptor.norm)
 
-    def _homography(self, xy0: NDArray[Any], xy1: NDArray[Any]) -> tuple[NDArray[Any] | None, NDArray[np.bool_]]:
-        H, inlier = None, None
-        if len(xy0) >= FEWEST:
-            options = {"maxIters": self.ransac_iters, "confidence": self.ransac_conf}
-            H, inlier = cv2.findHomography(xy0, xy1, cv2.USAC_MAGSAC, self.ransac_reproj_thresh, **options)
-        if H is None or inlier is None:
-            return None, np.zeros(len(xy0), np.bool_)
-        return H, inlier[:, 0].astype(np.bool_)
+    def _homography(self, xy0: NDArray[Any], xy1: NDArray[Any]) -> tuple[FloatArray | None, NDArray[np.bool_]]:
+        nothing = None, np.zeros(len(xy0), np.bool_)
+        if len(xy0) < FEWEST:
+            return nothing
+        H, inlier = cv2.findHomography(
+            xy0,
+            xy1,
+            cv2.USAC_MAGSAC,
+            self.ransac_reproj_thresh,
+            maxIters=self.ransac_iters,
+            confidence=self.ransac_conf,
+        )
+        # OpenCV's types do not tell of None, which it gives where there is no homography
+        return nothing if H is None else (np.asarray(H), np.asarray(inlier)[:, 0].astype(np.bool_))
