@@ -63,9 +63,8 @@ class Budget:
         keypoints = recalibration.best(keypoints, self.candidates)
         counts = np.arange(len(keypoints) + 1)
         if self.threshold is not None:
-            last = recalibration.moved(
-                keypoints.score, len(keypoints), counts[1:]
-            )  # of the worst point, for each count
+            # of the worst point, for each count
+            last = recalibration.moved(keypoints.score, len(keypoints), counts[1:])
             counts = np.concatenate([counts[:1], counts[1:][last >= np.float32(self.threshold)]])
         keypoints = recalibration.best(keypoints, int(counts[-1]))
         if self.k is None:

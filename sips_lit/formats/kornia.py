@@ -74,8 +74,9 @@ class SipsFeature(nn.Module):
         every = self.detector.detect(grey, grey.size)
         column, row = np.rint(every.xy).astype(int).T
         weight = mask.detach().float().cpu().numpy()[row.clip(0, grey.shape[0] - 1), column.clip(0, grey.shape[1] - 1)]
-        kept = every[weight > 0]
-        return self._of(best_keypoints(kept.xy, (every.score * weight)[weight > 0], kept.scale, self.n)[0], grey)
+        inside = weight > 0
+        score = self.detector.recalibration.moved(every.score, len(every), min(self.n, int(inside.sum()))) * weight
+        return self._of(best_keypoints(every.xy[inside], score[inside], every.scale[inside], self.n)[0], grey)
 
     def _of(
         self, keypoints: Keypoints, grey: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]

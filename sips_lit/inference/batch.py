@@ -32,10 +32,10 @@ def detect_stream(
     recalibration: Recalibration = AS_TRAINED,
 ) -> None:
     """Detects in each frame and hands the points to every writer; ``summary`` is kept up to date after each frame.
-    ``recalibration``: the detector's.
 
-    Writers are closed at the end, whatever happens: what was written before an error stays. Memory does not grow with
-    the number of frames. Raises BadInputError at the first frame that cannot be read or written.
+    ``recalibration`` is that of the detector. Writers are closed at the end, whatever happens: what was written before an
+    error stays. Memory does not grow with the number of frames. Raises BadInputError at the first frame that cannot be read
+    or written.
     """
     with ExitStack() as stack:
         for writer in writers:

@@ -5,6 +5,7 @@ from textured_scenes import keypoints, texture
 from tiny_network import tiny_detector
 
 from sips_lit.describe.sift import RootSift
+from sips_lit.detect.recalibration import Recalibration
 from sips_lit.errors import BadInputError
 from sips_lit.formats.kornia import RADIUS, SipsFeature, kornia_lafs
 from sips_lit.types import Keypoints
@@ -73,6 +74,13 @@ def test_a_mask_leaves_points_out():
     np.testing.assert_array_equal(lafs[0, :, :, 2], kept.xy)
     np.testing.assert_array_equal(responses[0], kept.score / 2)
     assert not SipsFeature(tiny_detector())(BATCH, torch.zeros(2, 1, 90, 120))[1].numel()
+
+
+def test_responses_are_those_of_the_points_that_a_mask_leaves():
+    detector = tiny_detector(recalibration=Recalibration(0.5, -1.0, 0.8))
+    whole = SipsFeature(detector, n=10)(BATCH)
+    for same, other in zip(whole, SipsFeature(detector, n=10)(BATCH, torch.ones(2, 1, 90, 120)), strict=True):
+        torch.testing.assert_close(same, other)
 
 
 def test_no_images():
