@@ -68,6 +68,10 @@ def test_certain_points_need_exactly_k() -> None:
     assert smallest_budget(np.zeros(0), 1, 0.5) is None
 
 
+def test_just_the_confidence_that_is_asked_for_is_enough() -> None:
+    assert smallest_budget(np.array([0.75, 0.9]), 1, 0.75) == 1
+
+
 def test_fixed_budget_cuts_and_never_misses() -> None:
     points = keypoints_of([0.9, 0.5, 0.1])
     for n, left in [(0, 0), (2, 2), (3, 3), (1000, 3)]:

@@ -3,6 +3,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 import torch.multiprocessing as mp
@@ -73,3 +74,11 @@ def test_a_worker_ends_when_its_parent_asks_and_not_with_the_whole_group():
     worker.terminate()
     worker.join(10)
     assert worker.exitcode == 0
+
+
+def test_a_program_that_ends_between_two_items_ends():
+    """The stream ends with the interpreter then, which starts no threads any more."""
+    script = f"import sys; sys.path[:0] = {sys.path!r} + [{str(Path(__file__).parent)!r}]\n" + (
+        "from test_stream import Squares, loaded\nstream = loaded(Squares(20), range(20), 2, 30)\nnext(stream)\nsys.exit(1)"
+    )
+    assert subprocess.run([sys.executable, "-c", script], timeout=60, capture_output=True).returncode == 1
