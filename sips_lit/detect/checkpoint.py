@@ -17,6 +17,7 @@ from torch import Tensor
 
 from sips_lit.archives.zip_members import is_bomb
 from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
+from sips_lit.detect.released import checkpoint_file
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
@@ -31,13 +32,10 @@ ARCHITECTURE = ("depth", "width", "leaky_slope", "scales", "scale_factor", "deri
 def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
     """The network, in evaluation mode, and how it selects points, from a ``.ckpt`` or ``.safetensors`` file.
 
-    Raises BadInputError when the file is missing, damaged, or not of this architecture.
+    ``path``: also a name of `sips_lit.detect.released`. Raises BadInputError when the file is missing, damaged, or not of
+    this architecture.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise BadInputError(
-            f"there is no checkpoint {path}: give a .ckpt file of a run, or an exported .safetensors file"
-        )
+    path = checkpoint_file(path)
     config, weights = (_read_safetensors if path.suffix.lower() == ".safetensors" else _read_lightning)(path)
     try:
         with torch.device("meta"):  # without memory: it may ask for any amount of it

@@ -15,6 +15,7 @@ from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.recalibration import Recalibration
+from sips_lit.detect.released import DEFAULT, SHA256
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor, score_map
 from sips_lit.errors import BadInputError
@@ -30,7 +31,7 @@ LEAST_OF_255: Final = 16.0
 class SipsDetector(BaseDetector):
     """Succinct interest points of an image.
 
-    >>> detector = SipsDetector.from_checkpoint("outputs/.../checkpoints/best.ckpt")
+    >>> detector = SipsDetector.from_pretrained()
     >>> points = detector("image.png", n=50)
     >>> points.xy.shape, points.score.shape
     ((50, 2), (50,))
@@ -58,7 +59,7 @@ class SipsDetector(BaseDetector):
         nms_radius: int | None = None,
         scales: int | None = None,
     ) -> SipsDetector:
-        """The detector of a ``.ckpt`` or ``.safetensors`` file.
+        """The detector of a ``.ckpt`` or ``.safetensors`` file, or of released weights by name.
 
         ``subpixel`` fits the peaks whatever training did. ``nms_radius``: no two points within it, in pixels; ``scales``:
         levels of the image pyramid, for cameras that come nearer and turn, which a network trained on one level takes, too.
@@ -74,6 +75,16 @@ class SipsDetector(BaseDetector):
         except ValueError as error:
             raise BadInputError(str(error)) from error
         return cls(network, selector, device)
+
+    @classmethod
+    def from_pretrained(cls, name: str = DEFAULT, **options: Any) -> SipsDetector:
+        """The detector of weights that come with the package; ``options``: those of `from_checkpoint`.
+
+        Raises BadInputError for another name, and when the weights are not what was released.
+        """
+        if name not in SHA256:
+            raise BadInputError(f"there are no released weights {name}: give one of {', '.join(SHA256)}")
+        return cls.from_checkpoint(name, **options)
 
     @property
     def recalibration(self) -> Recalibration:

@@ -245,10 +245,19 @@ def test_output_that_cannot_be(command, checkpoint, frames, tmp_path):
     assert "cannot make the folder" in command("detect", *arguments).sentence
 
 
-@pytest.mark.parametrize("key", ["checkpoint", "input", "output"])
-def test_keys_that_must_be_set(command, key):
-    given = [f"{other}=x" for other in ("checkpoint", "input", "output") if other != key]
-    assert command("detect", *given).sentence == f"{key} is not set: add {key}=... to the command"
+def test_input_must_be_set(command):
+    assert command("detect").sentence == "input is not set: add input=... to the command"
+
+
+def test_an_image_alone_is_enough(command, frames, tmp_path, monkeypatch):
+    """Released weights, 50 points, into ``points``."""
+    monkeypatch.chdir(tmp_path)
+    result = command("detect", f"input={frames}/000.png")
+    assert result.code == 0, result.err
+    np.testing.assert_array_equal(
+        read(tmp_path / "points" / "000.npz")["keypoints"],
+        SipsDetector.from_pretrained()(frames / "000.png", n=50).xy,
+    )
 
 
 @pytest.mark.parametrize(

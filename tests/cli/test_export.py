@@ -117,8 +117,12 @@ def test_values_that_are_refused(command, mine, arguments, reason):
     assert [path.name for path in mine.parent.iterdir()] == [mine.name]
 
 
-def test_the_checkpoint_must_be_set(command):
-    assert command("export").sentence == "checkpoint is not set: add checkpoint=... to the command"
+def test_released_weights_are_exported_here_by_default(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert command("export").code == 0
+    weights = load_checkpoint(tmp_path / "sips-small.safetensors")[0].state_dict()
+    for name, tensor in load_checkpoint("sips-small")[0].state_dict().items():
+        assert torch.equal(weights[name], tensor)
 
 
 def test_output_that_cannot_be_written(command, mine, tmp_path):
