@@ -196,7 +196,14 @@ def test_every_benchmark_composes(name, tmp_path):
         assert build(entry.inliers).protocol["inliers"]
 
 
-@pytest.mark.parametrize("name", sorted(set(names("experiment")) - set(BENCHMARKS)))
+def test_the_calibration_of_released_weights_composes(tmp_path):
+    config = composed("calibrate", "experiment=calibrate_released", "root=x", f"paths.data={tmp_path}", "data.path=x")
+    sources = OmegaConf.load(CONF_DIR / "data" / "released.yaml").sources
+    for name, entry in OmegaConf.to_container(config, resolve=True, throw_on_missing=True)["pair_sets"].items():
+        assert entry["data"]["_target_"] == sources[name].sequences._target_
+
+
+@pytest.mark.parametrize("name", sorted(set(names("experiment")) - {*BENCHMARKS, "calibrate_released"}))
 def test_every_experiment_composes(name, tmp_path, checkpoint):
     given = [f"data.sources.{part}.sequences.path=x" for part in MIXTURES["robotics"]] if name == "paper" else []
     given += ["root=x"] if name in ("released", "recipe_search") else []
