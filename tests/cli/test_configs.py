@@ -197,7 +197,7 @@ def test_every_benchmark_composes(name, tmp_path):
 
 
 def test_the_calibration_of_released_weights_composes(tmp_path):
-    config = composed("calibrate", "experiment=calibrate_released", "root=x", f"paths.data={tmp_path}", "data.path=x")
+    config = composed("calibrate", "experiment=calibrate_released", "root=x", f"paths.run={tmp_path}", "data.path=x")
     sources = OmegaConf.load(CONF_DIR / "data" / "released.yaml").sources
     for name, entry in OmegaConf.to_container(config, resolve=True, throw_on_missing=True)["pair_sets"].items():
         assert entry["data"]["_target_"] == sources[name].sequences._target_
