@@ -24,7 +24,7 @@ from sips_lit.evaluate.runner import evaluate_pair_set, extract_all
 from sips_lit.frames.source import Source
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest
 from sips_lit.pairs.choice import ListedPair, choose_pairs
 from sips_lit.types import Camera, FloatArray, GreyImage, ImageSequence
 

@@ -29,7 +29,7 @@ from sips_lit.evaluate.features import extract
 from sips_lit.inliers.klt import KltInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest
 from sips_lit.pairs.build import build_indexes
 from sips_lit.pairs.overlap import OverlapParameters
 from sips_lit.pairs.sampler import PairSampler, read_pair

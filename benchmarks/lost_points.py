@@ -27,7 +27,7 @@ from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.frames.folder import folder
 from sips_lit.frames.video import video
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest
 from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import Descriptor, Features, GreyImage, ImageSequence, Keypoints
 

@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from sips_lit.inliers.verifier import inliers_by_budget
-from sips_lit.match.mutual_nearest import distances, mutual_nearest, mutual_nearest_lifetimes
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest, mutual_nearest_lifetimes
 from sips_lit.types import Features, Keypoints
 
 POINTS = 500

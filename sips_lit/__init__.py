@@ -51,8 +51,8 @@ if TYPE_CHECKING:
     from sips_lit.inliers.stereo_p3p import StereoP3PInliers as StereoP3PInliers
     from sips_lit.inliers.verification import VerifiedPair as VerifiedPair
     from sips_lit.inliers.verification import verify as verify
-    from sips_lit.match.mutual_nearest import distances as distances
-    from sips_lit.match.mutual_nearest import mutual_nearest as mutual_nearest
+    from sips_lit.matching.mutual_nearest import distances as distances
+    from sips_lit.matching.mutual_nearest import mutual_nearest as mutual_nearest
     from sips_lit.metrics.calibration import Calibration as Calibration
     from sips_lit.metrics.calibration import CalibrationResult as CalibrationResult
     from sips_lit.metrics.pose_auc import PoseAuc as PoseAuc
@@ -131,7 +131,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "describe.sift": ("RootSift", "SiftDescriptor"),
     "describe.orb": ("OrbDescriptor",),
     "describe.surf": ("SurfDescriptor",),
-    "match.mutual_nearest": ("distances", "mutual_nearest"),
+    "matching.mutual_nearest": ("distances", "mutual_nearest"),
     "inliers.klt": ("KltInliers",),
     "inliers.stereo_p3p": ("StereoP3PInliers",),
     "inliers.homography": ("HomographyInliers",),

@@ -24,7 +24,7 @@ def test_every_public_name_is_there_and_listed():
 def test_names_are_those_of_the_rooms():
     from sips_lit.datasets.kitti import kitti
     from sips_lit.detect.detector import SipsDetector
-    from sips_lit.match.mutual_nearest import mutual_nearest
+    from sips_lit.matching.mutual_nearest import mutual_nearest
 
     assert sips_lit.SipsDetector is SipsDetector
     assert sips_lit.mutual_nearest is mutual_nearest

@@ -33,7 +33,7 @@ from sips_lit.geometry.projection import posed_views
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.stereo_p3p import PreparedStereoP3P, StereoP3PInliers
 from sips_lit.inliers.verification import VerifiedPair, verify, verify_judged
-from sips_lit.match.mutual_nearest import distances, mutual_nearest_lifetimes
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest_lifetimes
 from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
 from sips_lit.metrics.spread import spread
 from sips_lit.types import DisparityMatcher, Features, FloatArray, FramePair, InlierCheck, Keypoints, Matches, ScoreKind

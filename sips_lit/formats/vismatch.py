@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from sips_lit.describe.sift import RootSift
 from sips_lit.detect.detector import SipsDetector, as_grey
 from sips_lit.frames.images import read_rgb
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest
 from sips_lit.types import Descriptor, Features, FloatArray
 
 FEWEST: Final = 4  # matches that define a homography

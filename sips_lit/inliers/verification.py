@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.point_labels import PointLabels, point_labels
 from sips_lit.inliers.verifier import ExactVerifier, SearchVerifier, VerifiedMatches, Verifier
-from sips_lit.match.mutual_nearest import MutualLifetimes, distances, mutual_nearest_lifetimes
+from sips_lit.matching.mutual_nearest import MutualLifetimes, distances, mutual_nearest_lifetimes
 from sips_lit.types import Features, FramePair, InlierCheck, Keypoints
 
 Search = Literal["auto", "exact", "binary"]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.match.mutual_nearest import MutualLifetimes
+from sips_lit.matching.mutual_nearest import MutualLifetimes
 from sips_lit.types import Inliers, Matches, PreparedCheck
 
 

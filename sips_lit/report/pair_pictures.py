@@ -14,7 +14,7 @@ from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.method import Method
 from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.result import MethodResult
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest
 from sips_lit.render.canvas import Picture
 from sips_lit.render.matches import draw_matches
 from sips_lit.report.summary import main_k, median_needed

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sips_lit.geometry.image_changes import resize_map
 from sips_lit.inliers.point_labels import PointLabels, point_labels
-from sips_lit.match.mutual_nearest import FOREVER, MutualLifetimes, distances, mutual_nearest_lifetimes
+from sips_lit.matching.mutual_nearest import FOREVER, MutualLifetimes, distances, mutual_nearest_lifetimes
 from sips_lit.types import (
     Descriptor,
     Features,

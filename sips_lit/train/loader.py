@@ -14,7 +14,7 @@ from torch import Tensor
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
 from sips_lit.inliers.point_labels import PointLabels
-from sips_lit.match.mutual_nearest import MutualLifetimes
+from sips_lit.matching.mutual_nearest import MutualLifetimes
 from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedItems, unpack
 from sips_lit.train.labelling import images_between, label_along, label_pair

@@ -11,7 +11,7 @@ from sips_lit.callbacks.guard import GracefulStop, LastValidation, NonFiniteGuar
 from sips_lit.detect.selection import SelectedPoints
 from sips_lit.errors import BadInputError, TrainingInterrupted
 from sips_lit.inliers.point_labels import PointLabels
-from sips_lit.match.mutual_nearest import MutualLifetimes
+from sips_lit.matching.mutual_nearest import MutualLifetimes
 from sips_lit.train.loader import LabelledPair
 from sips_lit.types import Keypoints
 

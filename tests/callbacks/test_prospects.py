@@ -8,7 +8,7 @@ from sips_lit.callbacks.prospects import Prospects
 from sips_lit.detect.selection import SelectedPoints, image_tensor
 from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.inliers.point_labels import PointLabels
-from sips_lit.match.mutual_nearest import MutualLifetimes
+from sips_lit.matching.mutual_nearest import MutualLifetimes
 from sips_lit.train.loader import LabelledPair
 from sips_lit.types import Keypoints, Reason
 

@@ -22,7 +22,7 @@ from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.inliers.stereo_p3p import StereoP3PInliers
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest
 from sips_lit.pairs.choice import ListedPair
 from sips_lit.report.summary import succinctness
 

@@ -8,7 +8,7 @@ from tiny_network import tiny_detector
 from sips_lit.describe.sift import RootSift, SiftDescriptor
 from sips_lit.errors import BadInputError
 from sips_lit.formats.colmap import ColmapDatabase, ColmapText, sift_bytes
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest
 from sips_lit.types import Features, Keypoints, Matches
 
 POINTS = keypoints([[0, 0], [30.25, 7.5]], None, 2.0)

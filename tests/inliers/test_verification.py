@@ -9,7 +9,7 @@ from sips_lit.inliers.homography import HomographyInliers
 from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.inliers.point_labels import symmetric
 from sips_lit.inliers.verification import judged_points, verify, verify_judged
-from sips_lit.match.mutual_nearest import distances, mutual_nearest
+from sips_lit.matching.mutual_nearest import distances, mutual_nearest
 from sips_lit.types import Features, FramePair, Matches, Reason
 
 IMAGE = np.zeros((120, 160), np.uint8)

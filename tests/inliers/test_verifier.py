@@ -10,7 +10,7 @@ from sips_lit.inliers.verifier import (
     inliers_by_budget,
     points_needed,
 )
-from sips_lit.match.mutual_nearest import mutual_nearest, mutual_nearest_lifetimes
+from sips_lit.matching.mutual_nearest import mutual_nearest, mutual_nearest_lifetimes
 from sips_lit.types import Inliers, Reason
 
 N = 30

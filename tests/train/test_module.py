@@ -11,7 +11,7 @@ from train_run import Watch, fit, make_data, make_module
 from sips_lit.detect.selection import SelectedPoints, image_tensor, logits_at
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.point_labels import PointLabels
-from sips_lit.match.mutual_nearest import FOREVER, MutualLifetimes
+from sips_lit.matching.mutual_nearest import FOREVER, MutualLifetimes
 from sips_lit.train.loader import LabelledPair
 from sips_lit.train.loss import ranking_loss
 from sips_lit.train.module import SipsModule

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from sips_lit.match.mutual_nearest import FOREVER, distances, mutual_nearest, mutual_nearest_lifetimes
+from sips_lit.matching.mutual_nearest import FOREVER, distances, mutual_nearest, mutual_nearest_lifetimes
 from sips_lit.types import Features, Keypoints, Norm
 
 TIED = st.tuples(st.integers(0, 9), st.integers(0, 9)).flatmap(
