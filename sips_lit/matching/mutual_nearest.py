@@ -65,6 +65,12 @@ class MutualLifetimes:
     first: NDArray[np.int64]
     last: NDArray[np.int64]
 
+    @classmethod
+    def of_all(cls, matches: Matches) -> MutualLifetimes:
+        """The matches of all points (not of a budget): each lives from the first budget with both its points on."""
+        first = np.maximum(matches.index0, matches.index1) + 1
+        return cls(matches.index0, matches.index1, first, np.full(len(first), FOREVER, np.int64))
+
     def __len__(self) -> int:
         return len(self.index0)
 

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from sips_lit.geometry.image_changes import resize_map
 from sips_lit.inliers.point_labels import PointLabels, point_labels
-from sips_lit.matching.mutual_nearest import FOREVER, MutualLifetimes, distances, mutual_nearest_lifetimes
+from sips_lit.matching.mutual_nearest import (
+    FOREVER,
+    MutualLifetimes,
+    distances,
+    mutual_nearest,
+    mutual_nearest_lifetimes,
+)
 from sips_lit.types import (
     Descriptor,
     Features,
@@ -49,9 +55,8 @@ def label_pair(
     described0, described1 = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
     features0 = Features(keypoints0, described0, descriptor.norm)
     features1 = Features(keypoints1, described1, descriptor.norm)
-    lifetimes = mutual_nearest_lifetimes(distances(features0, features1))
-    whole = lifetimes[lifetimes.last == FOREVER]
-    whole = whole[np.argsort(whole.index0)]
+    apart = distances(features0, features1)
+    whole = MutualLifetimes.of_all(mutual_nearest(apart))
     keypoints0 = in_frame(keypoints0, pair.image0, pair.frames[0])
     keypoints1 = in_frame(keypoints1, pair.image1, pair.frames[-1])
     prepared = check.prepare(pair, keypoints0, keypoints1)
@@ -60,6 +65,7 @@ def label_pair(
     labels1 = point_labels(judged, whole.index1, judged.known1)
     inliers = whole[judged.inlier]
     if budgets and check.independent:
+        lifetimes = mutual_nearest_lifetimes(apart)
         alive = [(lifetimes.first <= n) & (n <= lifetimes.last) for n in budgets]
         passing = lifetimes[(lifetimes.last < FOREVER) & np.any(alive, axis=0)]
         inliers = inliers + passing[_in_parts(prepared, True, passing.matches, parallel, parts).inlier]

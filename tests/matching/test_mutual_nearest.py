@@ -5,7 +5,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from sips_lit.matching.mutual_nearest import FOREVER, distances, mutual_nearest, mutual_nearest_lifetimes
+from sips_lit.matching.mutual_nearest import (
+    FOREVER,
+    MutualLifetimes,
+    distances,
+    mutual_nearest,
+    mutual_nearest_lifetimes,
+)
 from sips_lit.types import Features, Keypoints, Norm
 
 TIED = st.tuples(st.integers(0, 9), st.integers(0, 9)).flatmap(
@@ -90,6 +96,17 @@ def test_lifetimes_are_the_matches_of_every_crop(matrix):
         assert pairs_of(lifetimes.at(n)) == obvious_mutual(matrix[:n, :n]), n
     assert len(set(pairs_of(lifetimes.matches))) == len(lifetimes.matches)
     assert len(lifetimes.matches) <= 2 * max(matrix.shape)
+
+
+@given(TIED)
+@settings(deadline=None)
+def test_matches_of_all_points_live_as_those_of_every_crop_that_none_breaks(matrix):
+    every = mutual_nearest_lifetimes(matrix)
+    unbroken = every[every.last == FOREVER]
+    unbroken = unbroken[np.argsort(unbroken.index0)]
+    whole = MutualLifetimes.of_all(mutual_nearest(matrix))
+    for name in ("index0", "index1", "first", "last"):
+        np.testing.assert_array_equal(getattr(whole, name), getattr(unbroken, name), name)
 
 
 @pytest.mark.parametrize("shape", [(60, 60), (60, 35), (20, 60)])
