@@ -41,19 +41,28 @@ def commands_page() -> str:
         "# Commands",
         "Each takes every key of its [configuration](configuration.md) on the command line (`key=value`), refuses unknown "
         "keys, prints what it wrote and where, and exits with 0 on success, 1 on bad input (one sentence says which file or "
-        "key, what is wrong and what to do), 130 after Ctrl-C, 143 after SIGTERM. `--help` shows the configuration that "
-        "results.",
+        "key, what is wrong and what to do), 130 after Ctrl-C, 143 after "
+        "SIGTERM. The text below is what `--help` prints.",
     ]
-    for command, target in scripts.items():
-        module = target.partition(":")[0]
+    for command in scripts:
+        name = command.removeprefix("sips-")
+        module = f"sips_lit.cli.{name}"
         summary = docstring(ROOT / f"{module.replace('.', '/')}.py").removeprefix(f"{command}: ")
         parts += [f"## {command}", summary[0].upper() + summary[1:]]
-        name = command.removeprefix("sips-")
         if (CONF / f"{name}.yaml").is_file():
-            parts.append(f"Keys: [`conf/{name}.yaml`](configuration.md#{name}).")
+            parts.append(f"```text\n{help_of(name)}\n```")
+            parts.append(f"All keys: [`conf/{name}.yaml`](configuration.md#{name}).")
         else:
             parts += [f"```text\n{text}\n```" for text in help_texts(module)]
     return "\n\n".join(parts)
+
+
+def help_of(name: str) -> str:
+    """What a command prints with ``--help``, without the folder of the machine that makes the page."""
+    sys.path.insert(0, str(ROOT))
+    from sips_lit.cli.help import WIDTH, help_text
+
+    return help_text(name, WIDTH).replace(str(CONF), "conf/")
 
 
 def help_texts(module: str) -> list[str]:

@@ -23,7 +23,8 @@ from textured_scenes import flight
 from tiny_network import tiny_network
 
 import sips_lit
-from sips_lit.cli.app import CONF_DIR, register_resolvers
+from sips_lit.cli.app import register_resolvers
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.data import parser
 from sips_lit.detect.checkpoint import export_safetensors
 from sips_lit.detect.selection import PointSelector

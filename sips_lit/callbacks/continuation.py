@@ -17,6 +17,15 @@ RECORD: Final = "run"
 """Key of a checkpoint under which it tells what its run is."""
 
 
+def identity_of(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What is the same in all checkpoints of a run, from one of them; empty where it does not tell.
+
+    Before validation pairs had a seed of their own, ``val_seed``, the run's chose them.
+    """
+    identity = dict(content.get(RECORD, {}).get("identity", {}))
+    return {"val_seed": identity["seed"], **identity} if "seed" in identity else identity
+
+
 class Continuation(L.Callback):
     """Stores in the checkpoints of a run what it is, and goes on with the best of them.
 
@@ -86,5 +95,4 @@ def _of_this_run(path: Path, checkpoint: Mapping[str, Any]) -> Mapping[str, Any]
         content = read_checkpoint(path)
     except BadInputError:
         return None
-    same = content.get(RECORD, {}).get("identity") == checkpoint.get(RECORD, {}).get("identity")
-    return content if same else None
+    return content if identity_of(content) == identity_of(checkpoint) else None

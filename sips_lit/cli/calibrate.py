@@ -11,7 +11,8 @@ import cv2
 from omegaconf import DictConfig, OmegaConf
 from tabulate import tabulate
 
-from sips_lit.cli.app import CONF_DIR, build, run, typed
+from sips_lit.cli.app import build, run, typed
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.evaluation import make_pair_sets
 from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint, require_finite
 from sips_lit.detect.detector import SipsDetector

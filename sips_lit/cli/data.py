@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from sips_lit.cli.app import errors_explained
 from sips_lit.cli.arguments import path_argument
+from sips_lit.cli.explain import explained
 from sips_lit.dataset_tools.check import DataSetReport, SequenceReport, check, remarks
 from sips_lit.dataset_tools.difficulty import CLASSES, TRAINING
 from sips_lit.dataset_tools.download import Offer, fetch, read_catalogue, remote_size
@@ -218,7 +218,7 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point."""
     args = parser().parse_args(arguments)
-    with errors_explained():
+    with explained():
         args.task(args)
     sys.exit(0)
 

@@ -14,7 +14,8 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 
-from sips_lit.cli.app import build, explain
+from sips_lit.cli.app import build
+from sips_lit.cli.explain import explain
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.method import Method, signature_of
 from sips_lit.files import safe_name

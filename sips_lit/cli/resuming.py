@@ -12,9 +12,9 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from sips_lit.callbacks.continuation import RECORD
-from sips_lit.cli.app import origin
+from sips_lit.callbacks.continuation import RECORD, identity_of
 from sips_lit.cli.arguments import holds_path
+from sips_lit.cli.explain import origin
 from sips_lit.detect.checkpoint import digest_of, read_checkpoint
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.checkpoint_io import sound_checkpoint
@@ -108,7 +108,7 @@ def find_start(config: DictConfig, record: Mapping[str, Any]) -> Start | None:
 
 def differences(content: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
     """What the run of a checkpoint has that this one has not; empty if it is the same."""
-    old, new = content[RECORD]["identity"], record["identity"]
+    old, new = identity_of(content), record["identity"]
     keys = [key for key in {**old, **new} if old.get(key) != new.get(key)]
     settings = [_told(key, old.get(key), new.get(key)) for key in keys if key != FRAMES]
     old, new = content[RECORD]["told"], record["told"]

@@ -22,9 +22,10 @@ from torch.utils.tensorboard.summary import hparams
 from sips_lit.callbacks.continuation import Continuation
 from sips_lit.callbacks.fine_tuning import FineTuning
 from sips_lit.callbacks.prospects import Prospects
-from sips_lit.cli.app import build, explain, run
+from sips_lit.cli.app import build, run
 from sips_lit.cli.benchmark import benchmark
 from sips_lit.cli.evaluation import make_pair_sets
+from sips_lit.cli.explain import explain
 from sips_lit.cli.methods import make_methods
 from sips_lit.cli.resuming import find_start, flat, record_of
 from sips_lit.detect.checkpoint import export_safetensors, start_from

@@ -45,6 +45,7 @@ class CropDataModule(ValidationDataModule):
         loading_workers: int = 2,
         loading_timeout: float = LOADING_TIMEOUT,
         seed: int = 0,
+        val_seed: int = 0,
     ) -> None:
         super().__init__(
             data,
@@ -60,6 +61,7 @@ class CropDataModule(ValidationDataModule):
             loading_workers,
             loading_timeout,
             seed,
+            val_seed,
         )
         if crops < 1 or size < 1:
             raise BadInputError(f"datamodule.crops and datamodule.size are 1 or more, not {crops} and {size}")

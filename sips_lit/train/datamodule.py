@@ -48,6 +48,7 @@ class PairDataModule(ValidationDataModule):
         labelling_workers: int = 2,
         loading_timeout: float = LOADING_TIMEOUT,
         seed: int = 0,
+        val_seed: int = 0,
     ) -> None:
         super().__init__(
             data,
@@ -63,6 +64,7 @@ class PairDataModule(ValidationDataModule):
             loading_workers,
             loading_timeout,
             seed,
+            val_seed,
         )
         if any(n < 1 for n in budgets):
             raise BadInputError(f"datamodule.budgets are numbers of points from 1 on, and are {list(budgets)}")
@@ -73,12 +75,12 @@ class PairDataModule(ValidationDataModule):
 
     def prepare_data(self) -> None:
         """Measures the overlap indexes that are missing, those of the training data, too."""
-        self._sampler(self.sources)
+        self._sampler(self.sources, self.seed)
         super().prepare_data()
 
     def setup(self, stage: str) -> None:
         """Reads the indexes and fixes the validation pairs; warns of frames that can't be read, which are in no pair."""
-        self.sampler = self._sampler(self.sources)
+        self.sampler = self._sampler(self.sources, self.seed)
         warn_unreadable("frames of the training data", unreadable_frames(self.sampler.indexes))
         super().setup(stage)
 

@@ -31,8 +31,9 @@ class ValidationDataModule(L.LightningDataModule):
     ``val_fraction`` of every training sequence for it; ``descriptor`` and ``inliers``: how pairs are matched and verified;
     ``overlap``: least overlap of a pair; ``spread``: see `PairSampler`; ``val_pairs``: how many fixed pairs validate;
     ``loading_workers``: processes that decode and augment; ``loading_timeout``: seconds without anything from them after
-    which they count as hung; ``index_folder``: where overlap indexes are kept. Raises BadInputError for data or numbers that
-    can't train.
+    which they count as hung; ``index_folder``: where overlap indexes are kept; ``seed``: of what is trained on;
+    ``val_seed``: of the choice of validation pairs, which is thus the same for any ``seed``. Raises BadInputError for data
+    or numbers that can't train.
     """
 
     what = "training item"
@@ -52,11 +53,13 @@ class ValidationDataModule(L.LightningDataModule):
         loading_workers: int = 2,
         loading_timeout: float = LOADING_TIMEOUT,
         seed: int = 0,
+        val_seed: int = 0,
     ) -> None:
         super().__init__()
         self.descriptor, self.inliers = descriptor, inliers
         self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
-        self.overlap, self.spread, self.val_pairs, self.seed = overlap, spread, val_pairs, seed
+        self.overlap, self.spread, self.val_pairs = overlap, spread, val_pairs
+        self.seed, self.val_seed = seed, val_seed
         self.loading_workers, self.loading_timeout = loading_workers, loading_timeout
         self.skipped = SkippedItems(self.what)
         if val_data is None:
@@ -77,11 +80,11 @@ class ValidationDataModule(L.LightningDataModule):
 
     def prepare_data(self) -> None:
         """Measures the overlap indexes that are missing (on one process of each machine)."""
-        self._sampler(self.val_sources)  # tells of data without pairs before processes start
+        self._sampler(self.val_sources, self.val_seed)  # tells of data without pairs before processes start
 
     def setup(self, stage: str) -> None:
         """Fixes the validation pairs; warns of frames that can't be read, which are in no pair."""
-        val_sampler = self._sampler(self.val_sources)
+        val_sampler = self._sampler(self.val_sources, self.val_seed)
         warn_unreadable("frames of the validation data", unreadable_frames(val_sampler.indexes))
         unreadable: list[str] = []
 
@@ -107,10 +110,10 @@ class ValidationDataModule(L.LightningDataModule):
                 f"overlap by {self.overlap:g}"
             )
 
-    def _sampler(self, sources: list[Source]) -> SourceSampler:
+    def _sampler(self, sources: list[Source], seed: int) -> SourceSampler:
         sequences = [sequence for source in sources for sequence in source.sequences]
         indexes = build_indexes(sequences, self.index_folder, self.overlap_parameters, self.loading_workers)
-        return SourceSampler(sources, indexes, self.overlap, self.seed, spread=self.spread)
+        return SourceSampler(sources, indexes, self.overlap, seed, spread=self.spread)
 
     def training_steps(self) -> int:
         """How many batches all processes of this run take together. Raises BadInputError unless it is counted in steps."""

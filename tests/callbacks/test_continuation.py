@@ -5,7 +5,7 @@ import pytest
 import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
 
-from sips_lit.callbacks.continuation import Continuation
+from sips_lit.callbacks.continuation import Continuation, identity_of
 from sips_lit.errors import InputWarning
 
 RECORD = {"identity": {"seed": 0}, "told": {"trainer.max_steps": 8}}
@@ -38,6 +38,12 @@ def test_checkpoints_tell_what_their_run_is():
     checkpoint = {}
     Continuation(RECORD).on_save_checkpoint(None, None, checkpoint)
     assert checkpoint == {"run": RECORD}
+
+
+def test_before_there_was_a_seed_of_validation_pairs_the_runs_chose_them():
+    assert identity_of({"run": {"identity": {"seed": 3, "k": 10}}}) == {"val_seed": 3, "seed": 3, "k": 10}
+    assert identity_of({"run": {"identity": {"seed": 3, "val_seed": 0}}}) == {"seed": 3, "val_seed": 0}
+    assert identity_of({}) == {}
 
 
 @pytest.mark.parametrize(("mode", "best", "worst"), [("max", "b.ckpt", "a.ckpt"), ("min", "a.ckpt", "b.ckpt")])

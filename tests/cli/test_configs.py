@@ -24,8 +24,9 @@ from robotcar_files import write_run
 from textured_scenes import texture
 from tum_mono_files import write_sequence
 
-from sips_lit.cli.app import CONF_DIR, build, register_resolvers
+from sips_lit.cli.app import build, register_resolvers
 from sips_lit.cli.arguments import as_typed
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.data import how_to_use
 from sips_lit.cli.evaluation import CHOICE, MEASURED, PAIR_SET
 from sips_lit.cli.methods import make_methods

@@ -2,7 +2,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf, open_dict
 
-from sips_lit.cli.app import CONF_DIR
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.evaluation import best_auc, make_pair_sets
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.result import PairSetResult

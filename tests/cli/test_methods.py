@@ -2,7 +2,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from sips_lit.cli.app import CONF_DIR
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.methods import configured_method, known_detectors, make_methods, parse_entries
 from sips_lit.errors import BadInputError
 

@@ -13,7 +13,7 @@ from cli_runs import TINY
 from tiny_runs import StopAt, assert_equal_weights, config_of, run_it, scalars, target
 
 from sips_lit.callbacks.guard import GracefulStop
-from sips_lit.cli.resuming import find_start, record_of
+from sips_lit.cli.resuming import differences, find_start, record_of
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 
 # the second validation is the best here, and later ones are worse
@@ -408,6 +408,17 @@ def test_a_run_with_a_comparison_is_taken_up(command, whole, stopped, frames, fo
     assert f"best validation AUC {whole[1]:.3f}" in result.out
     assert_equal_weights(folders / "again", whole[0], "best")
     assert (folders / "again" / "compare" / "report.html").is_file()
+
+
+@pytest.mark.parametrize(("seed", "val_seed", "goes_on"), [(0, 0, True), (1, 1, True), (1, 0, False)])
+def test_a_run_from_before_val_seed_goes_on_with_the_same_validation_pairs(whole, seed, val_seed, goes_on):
+    record = stored(whole[0], "last")["run"]
+    identity = record["identity"]
+    assert identity["val_seed"] == 0
+    old = {key: value for key, value in identity.items() if key != "val_seed"} | {"seed": seed}
+    now = {**record, "identity": {**identity, "seed": seed, "val_seed": val_seed}}
+    different = differences({"run": {**record, "identity": old}}, now)
+    assert different == ([] if goes_on else ["val_seed=1 (here 0)"])
 
 
 def test_a_record_names_the_keys_that_a_user_sets(tmp_path, frames):

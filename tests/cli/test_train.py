@@ -209,7 +209,7 @@ def test_a_validation_interval_longer_than_the_run(tmp_path, frames):
 
 @pytest.mark.slow
 def test_a_killed_loading_worker_ends_the_run(tmp_path, frames):
-    from sips_lit.cli.app import explain
+    from sips_lit.cli.explain import explain
 
     with pytest.raises(RuntimeError) as caught:
         run_it(

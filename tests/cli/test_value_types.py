@@ -2,7 +2,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from sips_lit.cli.app import CONF_DIR, build, register_resolvers
+from sips_lit.cli.app import build, register_resolvers
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.value_types import refuse_wrong_types
 from sips_lit.errors import BadInputError
 

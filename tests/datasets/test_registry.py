@@ -6,7 +6,7 @@ import pytest
 from hydra.utils import get_object
 from omegaconf import OmegaConf
 
-from sips_lit.cli.app import CONF_DIR
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.datasets import kitti
 from sips_lit.datasets.registry import IMAGES, VIDEOS, find_specs
 from sips_lit.errors import BadInputError

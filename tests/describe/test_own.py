@@ -1,6 +1,7 @@
 from omegaconf import OmegaConf
 
-from sips_lit.cli.app import CONF_DIR, build
+from sips_lit.cli.app import build
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.describe.own import own
 
 

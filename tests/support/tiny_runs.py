@@ -12,7 +12,8 @@ from omegaconf import DictConfig, open_dict
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from sips_lit.callbacks.guard import GracefulStop
-from sips_lit.cli.app import CONF_DIR, register_resolvers
+from sips_lit.cli.app import register_resolvers
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.train import train
 
 

@@ -1,0 +1,68 @@
+import errno
+import os
+import shutil
+import threading
+
+import pytest
+from omegaconf import OmegaConf
+
+from sips_lit.cli.explain import explain, explained
+from sips_lit.errors import BadInputError, TrainingInterrupted
+
+
+def wrapped(error: Exception, cause: Exception) -> Exception:
+    error.__cause__ = cause
+    return error
+
+
+def test_errors_of_the_user_become_their_message():
+    assert explain(BadInputError("give more frames")) == "give more frames"
+    assert explain(TrainingInterrupted("stopped at step 3")) == "stopped at step 3"
+    assert explain(wrapped(RuntimeError("deep"), wrapped(ValueError("deeper"), BadInputError("here")))) == "here"
+
+
+def test_defects_of_the_program_are_not_explained_away():
+    assert explain(ValueError("shape mismatch")) is None
+    assert explain(OSError("not of the system")) is None
+    assert explain(RuntimeError("the DataLoader is odd")) is None
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+def test_a_full_disk_is_named(number):
+    sentence = explain(OSError(number, "No space left on device", "/data/last.ckpt"))
+    assert sentence.startswith("cannot write /data/last.ckpt: the disk / is full (No space left on device): free")
+
+
+def test_a_full_disk_is_found_where_the_error_names_no_file(tmp_path, full_disk):
+    def sentence(free: int) -> str:
+        (full_disk / "others").write_bytes(bytes(shutil.disk_usage(full_disk).free - free))
+        paths = {"run": str(full_disk / "run" / "not yet"), "outputs": str(tmp_path), "frames": None}
+        return explain(OSError(errno.ENOSPC, "No space left on device"), OmegaConf.create({"paths": paths}))
+
+    assert sentence(0) == f"the disk {full_disk} is full: free some space on it, or write elsewhere (hydra.run.dir=...)"
+    (full_disk / "others").unlink()
+    assert "the disk of the outputs is full" in sentence(1_500_000)
+    assert "hydra.run.dir" in explain(OSError(errno.ENOSPC, "No space left on device"))
+
+
+@pytest.mark.parametrize(
+    "code", [errno.EACCES, errno.EROFS, errno.ENOTDIR, errno.EIO, errno.ENAMETOOLONG, errno.EMFILE, errno.ESTALE]
+)
+@pytest.mark.parametrize("name", ["/data/run", b"/data/run", None])
+def test_what_the_system_refuses_is_said_with_its_file(code, name):
+    error = OSError(code, os.strerror(code), name)
+    for raised in (error, wrapped(ValueError("you tried to log nan"), error)):
+        assert explain(raised).startswith(f"{'/data/run: ' if name else ''}{os.strerror(code)}: ")
+
+
+@pytest.mark.parametrize(("error", "printed"), [(OSError("full"), False), (ValueError("a defect"), True)])
+def test_a_thread_that_cannot_write_prints_no_traceback(monkeypatch, capsys, error, printed):
+    def fail():
+        raise error
+
+    monkeypatch.setattr(threading, "excepthook", threading.excepthook)
+    with explained():
+        thread = threading.Thread(target=fail)
+        thread.start()
+        thread.join()
+    assert ("Traceback" in capsys.readouterr().err) == printed
