@@ -38,7 +38,7 @@ class MatchPictures(L.Callback):
         assert isinstance(network, ScoreNetwork)
         pair, best0, best1 = outputs.pair, outputs.features0.best(self.n), outputs.features1.best(self.n)
         matches, inliers = outputs.at(self.n)
-        maps = [score_map(network, image) for image in (pair.image0, pair.image1)]
+        maps = [score_map(network, image, device=pl_module.device) for image in (pair.image0, pair.image1)]
         picture = draw_matches(pair.image0, pair.image1, best0.keypoints, best1.keypoints, matches, inliers, *maps)
         writer = writer_of(trainer)
         if writer is not None:

@@ -39,6 +39,8 @@ class DetectOptions:
     scales: int | None
     subpixel: bool
     device: str
+    runtime: str
+    precision: Any
 
 
 def detect(config: DictConfig) -> None:
@@ -47,7 +49,13 @@ def detect(config: DictConfig) -> None:
     kinds = formats(options.format)
     budget = Budget(options.n, options.threshold, options.k, options.confidence, options.n_max)
     detector = SipsDetector.from_checkpoint(
-        options.checkpoint, choose_device(options.device), options.subpixel, options.nms_radius, options.scales
+        options.checkpoint,
+        choose_device(options.device),
+        options.subpixel,
+        options.nms_radius,
+        options.scales,
+        options.runtime,
+        options.precision,
     )
     stream = open_stream(Path(options.input), "overlay" in kinds, options.names)
     folder, summary = Path(options.output), DetectionSummary()

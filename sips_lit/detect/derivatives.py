@@ -35,6 +35,10 @@ def derivative_channels(image: Tensor, filters: Tensor) -> Tensor:
     with learned filters is that of Key.Net (Barroso-Laguna et al., ICCV 2019); which ones, and the logarithm, are ours.
     """
     derivatives = F.conv2d(image, filters)
-    dx, dy, dxx, dyy, dxy = derivatives.unbind(1)
-    products = torch.stack([dx * dx, dy * dy, dx * dy, dxx * dyy - dxy * dxy], 1)
-    return torch.cat([image[..., 1:-1, 1:-1], derivatives[:, :2], products.sign() * products.abs().log1p()], 1)
+    return mixed_channels(image[..., 1:-1, 1:-1], *derivatives.chunk(5, 1))
+
+
+def mixed_channels(grey: Tensor, dx: Tensor, dy: Tensor, dxx: Tensor, dyy: Tensor, dxy: Tensor) -> Tensor:
+    """The channels of `derivative_channels` (B, 7 C, H, W) of grey and its derivatives, each (B, C, H, W)."""
+    products = torch.cat([dx * dx, dy * dy, dx * dy, dxx * dyy - dxy * dxy], 1)
+    return torch.cat([grey, dx, dy, products.sign() * products.abs().log1p()], 1)

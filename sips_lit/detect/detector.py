@@ -16,6 +16,7 @@ from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.recalibration import Recalibration
 from sips_lit.detect.released import DEFAULT, SHA256
+from sips_lit.detect.runtime import make_runtime
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor, score_map
 from sips_lit.errors import BadInputError
@@ -42,8 +43,17 @@ class SipsDetector(BaseDetector):
     name = "SIPs"
     scores: ScoreKind = "probability"
 
-    def __init__(self, network: ScoreNetwork, selector: PointSelector, device: str | torch.device = "cpu") -> None:
+    def __init__(
+        self,
+        network: ScoreNetwork,
+        selector: PointSelector,
+        device: str | torch.device = "cpu",
+        runtime: str = "torch",
+        precision: str | int = "32",
+    ) -> None:
+        """``runtime`` and ``precision``: see `sips_lit.detect.runtime.make_runtime`, which says what is refused, too."""
         self.network, self.selector = network.eval().to(device), selector
+        self.runtime = make_runtime(self.network, runtime, precision)
 
     @property
     def device(self) -> torch.device:
@@ -58,13 +68,18 @@ class SipsDetector(BaseDetector):
         subpixel: bool = True,
         nms_radius: int | None = None,
         scales: int | None = None,
+        runtime: str = "torch",
+        precision: str | int = "32",
     ) -> SipsDetector:
         """The detector of a ``.ckpt`` or ``.safetensors`` file, or of released weights by name.
 
         ``subpixel`` fits the peaks whatever training did. ``nms_radius``: no two points within it, in pixels; ``scales``:
         levels of the image pyramid, for cameras that come nearer and turn, which a network trained on one level takes, too.
-        None: those of the file. Raises BadInputError when the file is missing, damaged, or not of this architecture, and
-        for numbers out of range.
+        None: those of the file. ``runtime``: what executes the network, torch, onnxruntime, openvino or auto (the fastest
+        that is installed for each image size, so last digits may differ from run to run); ``precision``: 32 or bf16.
+
+        Raises BadInputError when the file is missing, damaged, or not of this architecture, for numbers out of range, and
+        for a runtime that is not installed.
         """
         network, selector = load_checkpoint(path)
         try:
@@ -74,7 +89,7 @@ class SipsDetector(BaseDetector):
             selector = replace(selector, nms_radius=radius, subpixel=subpixel)
         except ValueError as error:
             raise BadInputError(str(error)) from error
-        return cls(network, selector, device)
+        return cls(network, selector, device, runtime, precision)
 
     @classmethod
     def from_pretrained(cls, name: str = DEFAULT, **options: Any) -> SipsDetector:
@@ -117,7 +132,7 @@ class SipsDetector(BaseDetector):
         """At most ``n`` points of a grey uint8 image (H, W), best first."""
         if n < 0:
             raise BadInputError(f"n is {n}: ask for a number of points that is not negative")
-        return self.selector.select(self.network, image_tensor(image, self.device), n).keypoints
+        return self.selector.select(self.runtime, image_tensor(image, self.device), n).keypoints
 
     def within(self, image: str | Path | NDArray[Any] | Tensor | Any, budget: Budget) -> tuple[Keypoints, bool]:
         """The points of ``image`` that a ``budget`` keeps, and whether they are enough for its k inliers; see `Budget.keep`.
@@ -135,7 +150,7 @@ class SipsDetector(BaseDetector):
 
         Recalibrated as if 50 points were kept.
         """
-        return score_map(self.network, image, self.recalibration)
+        return score_map(self.runtime, image, self.recalibration, self.device)
 
 
 def is_batch(image: Any) -> bool:

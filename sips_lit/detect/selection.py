@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -18,6 +18,18 @@ from sips_lit.errors import BadInputError
 from sips_lit.types import FloatArray, GreyImage, Keypoints
 
 LARGEST_RADIUS = 1000  # pixels; a damaged checkpoint may ask for any
+
+
+class Scorer(Protocol):
+    """A score network, or what runs one (see `sips_lit.detect.runtime`)."""
+
+    scales: int
+    """Levels of the pyramid."""
+    scale_factor: float
+    """Between two levels of the pyramid."""
+
+    def __call__(self, image: Tensor, /) -> Tensor:
+        """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W) with values 0 to 255."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +70,8 @@ class PointSelector:
         return {"nms_radius": self.nms_radius, "subpixel": self.subpixel}
 
     @torch.no_grad()
-    def select(self, network: ScoreNetwork, image: Tensor, n: int) -> SelectedPoints:
-        """At most ``n`` points of one image (1, 1, H, W) with values 0 to 255.
+    def select(self, network: Scorer, image: Tensor, n: int) -> SelectedPoints:
+        """At most ``n`` points of one image (1, 1, H, W) with values 0 to 255, on the network's device.
 
         Raises BadInputError when the network's scores are not finite.
         """
@@ -155,11 +167,16 @@ def image_tensor(image: GreyImage, device: torch.device | str = "cpu") -> Tensor
 
 
 @torch.no_grad()
-def score_map(network: ScoreNetwork, image: GreyImage, recalibration: Recalibration = AS_TRAINED) -> FloatArray:
+def score_map(
+    network: Scorer,
+    image: GreyImage,
+    recalibration: Recalibration = AS_TRAINED,
+    device: torch.device | str = "cpu",
+) -> FloatArray:
     """Probability (H, W) float32 of being an inlier, of every pixel of a grey uint8 image, at full resolution.
 
-    Recalibrated as if `REFERENCE_POINTS` points were kept.
+    Recalibrated as if `REFERENCE_POINTS` points were kept. ``device``: that of the network.
     """
-    logits = network(image_tensor(image, next(network.parameters()).device))
+    logits = network(image_tensor(image, device))
     scores: FloatArray = torch.sigmoid(recalibration.logits(logits))[0, 0].cpu().numpy()
     return scores

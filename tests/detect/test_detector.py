@@ -210,7 +210,7 @@ def test_the_score_at_a_point_is_that_of_the_map():
     assert scores.dtype == np.float32
     column, row = points.xy.astype(int).T
     np.testing.assert_allclose(points.score, scores[row, column], rtol=1e-6)
-    assert points.score[0] == scores.max()
+    assert points.score[0] == pytest.approx(scores.max(), rel=1e-6)
 
 
 def test_weights_that_are_not_finite():

@@ -1,0 +1,207 @@
+"""What executes the score network: PyTorch, ONNX Runtime, OpenVINO, or whichever is fastest for the size of the image."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from importlib.util import find_spec
+from typing import Any, Final, Literal, Protocol, get_args
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from sips_lit.detect.checkpoint import digest_of
+from sips_lit.detect.folding import block_side, folded_logits, whole_blocks
+from sips_lit.detect.onnx_graph import EXTRA, onnx_graph
+from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.selection import Scorer
+from sips_lit.errors import BadInputError, import_extra
+
+RuntimeName = Literal["torch", "onnxruntime", "openvino", "auto"]
+Precision = Literal["32", "bf16"]
+
+ROUNDS: Final = 3
+"""Turns of each runtime in a measurement of ``auto``."""
+SIZES_KEPT: Final = 16
+"""Image sizes that OpenVINO keeps its models of: it is a fifth faster where it knows the size."""
+_PACKAGES: Final[dict[str, tuple[str, ...]]] = {
+    "onnxruntime": ("onnx", "onnxruntime"),
+    "openvino": ("onnx", "openvino"),
+}
+
+
+class ScoreRuntime(Scorer, Protocol):
+    """A score network that can be run but not trained: its logits have no gradient."""
+
+    @property
+    def name(self) -> str:
+        """What executes it."""
+
+
+def make_runtime(network: ScoreNetwork, name: str = "torch", precision: str | int = "32") -> ScoreRuntime:
+    """The runtime of that name: torch, onnxruntime, openvino, or auto.
+
+    ``precision``: 32, or bf16, which halves the time on a CPU that has it and moves logits by some hundredths. Different
+    runtimes differ by 1e-6 or so of a logit, which may swap points that are as good as equal. All but torch use the
+    weights that the network has now, and run on the CPU.
+
+    Raises BadInputError for an unknown name or precision, a combination that there is not, and where the runtime is not
+    installed.
+    """
+    if name not in get_args(RuntimeName):
+        raise BadInputError(f"runtime is {name}: give one of {', '.join(get_args(RuntimeName))}")
+    if str(precision) not in get_args(Precision):
+        raise BadInputError(f"precision is {precision}: give one of {', '.join(get_args(Precision))}")
+    bf16, on_cpu = str(precision) == "bf16", next(network.parameters()).device.type == "cpu"
+    if not on_cpu and name in _PACKAGES:
+        raise BadInputError(f"runtime={name} runs on the CPU: give device=cpu with it, or runtime=torch")
+    if bf16 and name == "onnxruntime":
+        raise BadInputError("onnxruntime has no bfloat16 on a CPU: give precision=32, or runtime=openvino or torch")
+    match name:
+        case "onnxruntime":
+            return OnnxRuntime(network)
+        case "openvino":
+            return OpenVino(network, bf16)
+        case "auto" if on_cpu:
+            return Fastest(network, bf16)
+        case _:
+            return TorchRuntime(network, bf16)
+
+
+class TorchRuntime:
+    """PyTorch, on the network's device; narrow networks on blocks of pixels where that is a CPU."""
+
+    name = "torch"
+
+    def __init__(self, network: ScoreNetwork, bf16: bool = False) -> None:
+        self.network, self.bf16 = network, bf16
+        self.scales, self.scale_factor = network.scales, network.scale_factor
+
+    @torch.no_grad()
+    def __call__(self, image: Tensor) -> Tensor:
+        """See `Scorer`."""
+        with torch.autocast(image.device.type, torch.bfloat16, enabled=self.bf16):
+            if image.device.type == "cpu" and block_side(self.network) > 1:
+                return folded_logits(self.network, image)
+            return self.network(image)  # type: ignore[no-any-return]
+
+
+class _Exported:
+    """What runtimes share that take an ONNX graph: whole blocks in, the image's own pixels out."""
+
+    name: str
+
+    def __init__(self, network: ScoreNetwork) -> None:
+        self.scales, self.scale_factor = network.scales, network.scale_factor
+        self.side, self.model = block_side(network), onnx_graph(network)
+
+    def __call__(self, image: Tensor) -> Tensor:
+        """See `Scorer`."""
+        blocks = whole_blocks(image.detach().float(), self.side).contiguous().numpy()
+        return torch.from_numpy(self._run(blocks))[..., : image.shape[-2], : image.shape[-1]].contiguous()
+
+    def _run(self, image: Any) -> Any:
+        raise NotImplementedError
+
+
+class OnnxRuntime(_Exported):
+    """ONNX Runtime on the CPU, with as many threads as PyTorch has. Raises BadInputError where it is not installed."""
+
+    name = "onnxruntime"
+
+    def __init__(self, network: ScoreNetwork) -> None:
+        onnxruntime = import_extra("onnxruntime", EXTRA, "runtime=onnxruntime")
+        super().__init__(network)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = torch.get_num_threads()
+        self.session = onnxruntime.InferenceSession(self.model, options, providers=["CPUExecutionProvider"])
+
+    def _run(self, image: Any) -> Any:
+        return self.session.run(["logits"], {"image": image})[0]
+
+
+class OpenVino(_Exported):
+    """OpenVINO on the CPU, with as many threads as PyTorch has. Raises BadInputError where it is not installed.
+
+    A model is compiled for each size of images when the first comes, in some tenths of a second.
+    """
+
+    name = "openvino"
+
+    def __init__(self, network: ScoreNetwork, bf16: bool = False) -> None:
+        openvino = import_extra("openvino", EXTRA, "runtime=openvino")
+        super().__init__(network)
+        self.core = openvino.Core()
+        self.options = {
+            "PERFORMANCE_HINT": "LATENCY",
+            "INFERENCE_NUM_THREADS": torch.get_num_threads(),
+            "INFERENCE_PRECISION_HINT": "bf16" if bf16 else "f32",  # left alone it takes bf16 where the CPU has it
+        }
+        self._compiled = lru_cache(SIZES_KEPT)(self._compile)
+
+    def _compile(self, shape: tuple[int, ...]) -> Any:
+        model = self.core.read_model(self.model)
+        model.reshape({"image": list(shape)})
+        return self.core.compile_model(model, "CPU", self.options).create_infer_request()
+
+    def _run(self, image: Any) -> Any:
+        return np.array(self._compiled(image.shape).infer({"image": image})[0])  # the request reuses its memory
+
+
+class Fastest:
+    """The fastest of several runtimes for images of each size, measured when the first image of a size comes.
+
+    What was measured once holds for the process. Which one wins may differ between two runs, and so may last digits.
+    """
+
+    def __init__(
+        self,
+        network: ScoreNetwork,
+        bf16: bool = False,
+        runtimes: Sequence[ScoreRuntime] | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.scales, self.scale_factor = network.scales, network.scale_factor
+        self.runtimes = installed_runtimes(network, bf16) if runtimes is None else list(runtimes)
+        self.key, self._clock = (digest_of(network), bf16, torch.get_num_threads()), clock
+
+    @property
+    def name(self) -> str:
+        """Those that there are to choose from."""
+        return f"auto ({', '.join(runtime.name for runtime in self.runtimes)})"
+
+    def __call__(self, image: Tensor) -> Tensor:
+        """See `Scorer`."""
+        return self.chosen(image)(image)
+
+    def chosen(self, image: Tensor) -> ScoreRuntime:
+        """The runtime for images of this size: the one whose fastest of `ROUNDS` turns was the fastest."""
+        if len(self.runtimes) == 1:
+            return self.runtimes[0]
+        key = (*self.key, tuple(image.shape))
+        if key not in _FASTEST:
+            times: dict[str, float] = {}
+            for turn in range(ROUNDS + 1):
+                for runtime in self.runtimes:
+                    start = self._clock()
+                    runtime(image)
+                    taken = self._clock() - start
+                    if turn > 0:  # the first compiles
+                        times[runtime.name] = min(taken, times.get(runtime.name, taken))
+            _FASTEST[key] = min(times, key=times.__getitem__)
+        return next(runtime for runtime in self.runtimes if runtime.name == _FASTEST[key])
+
+
+_FASTEST: Final[dict[tuple[Any, ...], str]] = {}
+"""Names of runtimes by network, precision, threads and the shape of the image."""
+
+
+def installed_runtimes(network: ScoreNetwork, bf16: bool = False) -> list[ScoreRuntime]:
+    """Those that can run the network on this machine's CPU, torch first."""
+    runtimes: list[ScoreRuntime] = [TorchRuntime(network, bf16)]
+    for name, packages in _PACKAGES.items():
+        if all(find_spec(package) for package in packages) and not (bf16 and name == "onnxruntime"):
+            runtimes.append(make_runtime(network, name, "bf16" if bf16 else "32"))
+    return runtimes
