@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from sips_lit.metrics.succinctness import SuccinctnessResult as SuccinctnessResult
     from sips_lit.pairs.sampler import read_pair as read_pair
     from sips_lit.types import Camera as Camera
+    from sips_lit.types import ColorOrder as ColorOrder
     from sips_lit.types import Descriptor as Descriptor
     from sips_lit.types import Detector as Detector
     from sips_lit.types import Features as Features
@@ -99,6 +100,7 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
         "Inliers",
         "Reason",
         "ScoreKind",
+        "ColorOrder",
         "Detector",
         "Descriptor",
         "InlierCheck",

@@ -11,17 +11,26 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import cv2
 
 GreyImage = NDArray[np.uint8]
 """(H, W) uint8."""
 FloatArray = NDArray[np.floating[Any]]
 Norm = Literal["l2", "hamming"]
+ColorOrder = Literal["rgb", "bgr"]
+"""The order of the channels of a colour image: Pillow's and PyTorch's, or that of `cv2.imread`."""
 ScoreKind = Literal["probability", "order", "none"]
 """What scores mean: the probability of being an inlier; an order and nothing else; nothing, so points have no order."""
+
+
+OPENCV_DIAMETER: Final = 8.0
+"""Pixels at scale 1 of the neighbourhood that OpenCV's descriptors are told: that of `RootSift`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +168,16 @@ class Keypoints:
     def best(self, n: int) -> Keypoints:
         """The first ``n`` points (all, if there are fewer)."""
         return self[:n]
+
+    def to_opencv(self, diameter: float = OPENCV_DIAMETER) -> list[cv2.KeyPoint]:
+        """N OpenCV keypoints in the same order and pixels, upright (angle 0), with the scores as responses.
+
+        ``size`` is ``diameter`` (pixels) times the scale of the point.
+        """
+        import cv2  # these records load without it
+
+        rows = zip(self.xy.tolist(), self.score.tolist(), self.scale.tolist(), strict=True)
+        return [cv2.KeyPoint(x, y, diameter * scale, angle=0, response=score) for (x, y), score, scale in rows]
 
     @staticmethod
     def empty() -> Keypoints:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, overload
+from typing import Any, Final, get_args, overload
 
 import numpy as np
 import torch
@@ -21,7 +21,7 @@ from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor, score_map
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey, to_grey
-from sips_lit.types import FloatArray, GreyImage, Keypoints, ScoreKind
+from sips_lit.types import ColorOrder, FloatArray, GreyImage, Keypoints, ScoreKind
 
 # modes of PIL images whose bytes are indices of a palette, inks and the like
 PIL_NEITHER_GREY_NOR_RGB: Final = frozenset({"P", "PA", "LA", "La", "RGBa", "CMYK", "YCbCr", "HSV"})
@@ -107,26 +107,29 @@ class SipsDetector(BaseDetector):
         return self.selector.recalibration
 
     @overload
-    def __call__(self, image: list[Any] | tuple[Any, ...], n: int = 50) -> list[Keypoints]: ...
+    def __call__(
+        self, image: list[Any] | tuple[Any, ...], n: int = 50, color: ColorOrder = "rgb"
+    ) -> list[Keypoints]: ...
 
     @overload
-    def __call__(self, image: Tensor, n: int = 50) -> Any: ...
+    def __call__(self, image: Tensor, n: int = 50, color: ColorOrder = "rgb") -> Any: ...
 
     @overload
-    def __call__(self, image: str | Path | NDArray[Any] | Any, n: int = 50) -> Keypoints: ...
+    def __call__(self, image: str | Path | NDArray[Any] | Any, n: int = 50, color: ColorOrder = "rgb") -> Keypoints: ...
 
-    def __call__(self, image: Any, n: int = 50) -> Keypoints | list[Keypoints]:
+    def __call__(self, image: Any, n: int = 50, color: ColorOrder = "rgb") -> Keypoints | list[Keypoints]:
         """The ``n`` points of ``image`` most likely to be inliers (fewer, if it has not so many), best first.
 
-        ``image``: a path; a grey (H, W) or colour (H, W, 3) RGB array or PIL image; or a tensor, (H, W), (1, H, W) or
-        (3, H, W). Values are uint8, uint16, or float from 0 to 1 or from 0 to 255. Grey is that of `read_grey`. Of a batch,
-        which is a list of images or a tensor (B, 1, H, W) or (B, 3, H, W), a list of what each image gives alone.
-        Raises BadInputError for anything else.
+        ``image``: a path; a grey (H, W) or colour (H, W, 3) array or PIL image; or a tensor, (H, W), (1, H, W) or
+        (3, H, W). Values are uint8, uint16, or float from 0 to 1 or from 0 to 255. Grey is that of `read_grey`. ``color`` is
+        the order of the channels of arrays and tensors: "bgr" for what `cv2.imread` gives. Of a batch, which is a list of
+        images or a tensor (B, 1, H, W) or (B, 3, H, W), a list of what each image gives alone. Raises BadInputError for
+        anything else.
         """
         if not is_batch(image):
-            return self.detect(as_grey(image), n)
+            return self.detect(as_grey(image, color=color), n)
         # one after the other: on a CPU it is as fast, memory stays that of an image, and sums come out the same
-        return [self.detect(as_grey(one, f"image {index} of the batch"), n) for index, one in enumerate(image)]
+        return [self.detect(as_grey(one, f"image {index} of the batch", color), n) for index, one in enumerate(image)]
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
         """At most ``n`` points of a grey uint8 image (H, W), best first."""
@@ -134,12 +137,14 @@ class SipsDetector(BaseDetector):
             raise BadInputError(f"n is {n}: ask for a number of points that is not negative")
         return self.selector.select(self.runtime, image_tensor(image, self.device), n).keypoints
 
-    def within(self, image: str | Path | NDArray[Any] | Tensor | Any, budget: Budget) -> tuple[Keypoints, bool]:
+    def within(
+        self, image: str | Path | NDArray[Any] | Tensor | Any, budget: Budget, color: ColorOrder = "rgb"
+    ) -> tuple[Keypoints, bool]:
         """The points of ``image`` that a ``budget`` keeps, and whether they are enough for its k inliers; see `Budget.keep`.
 
-        ``image``: one image, as in a call of the detector.
+        ``image``: one image, and ``color``, as in a call of the detector.
         """
-        return budget.keep(self.detect(as_grey(image), budget.candidates), self.recalibration)
+        return budget.keep(self.detect(as_grey(image, color=color), budget.candidates), self.recalibration)
 
     def best(self, keypoints: Keypoints, n: int) -> Keypoints:
         """The first ``n`` of its points of an image, with the probabilities that they have when the others are not kept."""
@@ -158,11 +163,14 @@ def is_batch(image: Any) -> bool:
     return isinstance(image, list | tuple) or (isinstance(image, Tensor) and image.ndim == 4)
 
 
-def as_grey(image: Any, name: str = "the image") -> GreyImage:
+def as_grey(image: Any, name: str = "the image", color: ColorOrder = "rgb") -> GreyImage:
     """Any of the images that `SipsDetector` takes as grey uint8 (H, W); errors call it ``name``.
 
-    Raises BadInputError for others.
+    ``color`` is the order of the channels of arrays and tensors; files and PIL images tell their own. Raises BadInputError
+    for other images, and other orders.
     """
+    if color not in get_args(ColorOrder):
+        raise BadInputError(f"color is {color}: give {' or '.join(get_args(ColorOrder))}, the order of the channels")
     if isinstance(image, str | Path):
         return read_grey(Path(image))
     if isinstance(image, Tensor):
@@ -173,9 +181,10 @@ def as_grey(image: Any, name: str = "the image") -> GreyImage:
         mode = getattr(image, "mode", None)  # of a PIL image
         if mode == "LAB":
             raise BadInputError(f"{name} in LAB must be converted first, since Pillow cannot: give RGB or grey")
+        color = color if mode is None else "rgb"
         if mode in PIL_NEITHER_GREY_NOR_RGB:
             image = image.convert("RGBA" if mode == "RGBa" else "RGB")
         array = np.asarray(image)
     if array.dtype.kind == "f" and array.size and array.min() >= 0 and LEAST_OF_255 <= array.max() <= 255:
         array = array / np.float32(255)
-    return to_grey(array, name, rgb=True)
+    return to_grey(array, name, rgb=color == "rgb")

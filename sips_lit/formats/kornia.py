@@ -13,7 +13,7 @@ from sips_lit.describe.sift import RootSift
 from sips_lit.detect.base import best_keypoints
 from sips_lit.detect.detector import SipsDetector, as_grey
 from sips_lit.errors import BadInputError
-from sips_lit.types import Descriptor, Keypoints
+from sips_lit.types import ColorOrder, Descriptor, Keypoints
 
 RADIUS: Final = 24.0
 """Pixels at scale 1 from a point to the edge of the square that `RootSift` describes."""
@@ -36,13 +36,21 @@ class SipsFeature(nn.Module):
     """
 
     def __init__(
-        self, detector: SipsDetector, descriptor: Descriptor | None = None, n: int = 500, radius: float = RADIUS
+        self,
+        detector: SipsDetector,
+        descriptor: Descriptor | None = None,
+        n: int = 500,
+        radius: float = RADIUS,
+        color: ColorOrder = "rgb",
     ) -> None:
-        """``descriptor`` is `RootSift` if none is given; ``n`` is the number of points of an image, at most."""
+        """``descriptor`` is `RootSift` if none is given; ``n`` is the number of points of an image, at most.
+
+        ``color`` is the order of the channels of its images: "bgr" for what `cv2.imread` gives.
+        """
         super().__init__()
         self.network = detector.network  # so that .to(device) and state_dict() know it
         self.detector, self.descriptor = detector, descriptor or RootSift()
-        self.n, self.radius = n, radius
+        self.n, self.radius, self.color = n, radius, color
 
     @torch.no_grad()
     def forward(self, image: Tensor, mask: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
@@ -68,7 +76,7 @@ class SipsFeature(nn.Module):
         return tuple(rows[: len(image)].to(image.device) for rows in (lafs, responses, descriptors))  # type: ignore[return-value]
 
     def _one(self, image: Tensor, mask: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
-        grey = as_grey(image)
+        grey = as_grey(image, color=self.color)
         if mask is None:
             return self._of(self.detector.detect(grey, self.n), grey)
         every = self.detector.detect(grey, grey.size)

@@ -53,7 +53,7 @@ class SipsMatcher(nn.Module):
         return torch.from_numpy(read_rgb(path)).permute(2, 0, 1) / 255
 
     def forward(self, img0: Any, img1: Any) -> dict[str, Any]:
-        """What vismatch gives of two images, each a tensor or array (3, H, W) from 0 to 1, a path or a PIL image.
+        """What vismatch gives of two images, each a tensor or array (3, H, W) from 0 to 1, RGB, a path or a PIL image.
 
         ``all_kpts0`` (N0, 2), ``all_desc0`` (N0, D), ``matched_kpts0`` (M, 2), ``inlier_kpts0`` (K, 2), the same of image 1;
         ``matched_confidences`` (M,), the geometric mean of the probabilities of both points; ``H`` (3, 3) from image 0 to

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from textured_scenes import texture
 from tiny_network import save_lightning, tiny_detector, tiny_network
 
+from sips_lit.detect.budget import Budget
 from sips_lit.detect.detector import SipsDetector, as_grey
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
@@ -21,6 +22,7 @@ GREY = texture(77, 101)
 RGB = np.dstack([texture(77, 101, seed) for seed in (1, 2, 3)])
 # the weights of ITU-R BT.601
 LUMA = np.rint(RGB @ np.array([0.299, 0.587, 0.114]))
+BGR = np.ascontiguousarray(RGB[:, :, ::-1])  # as cv2.imread gives it
 
 
 def same(a: Keypoints, b: Keypoints) -> None:
@@ -94,6 +96,32 @@ def test_colours_are_red_green_blue(given):
     grey = as_grey(given)
     assert grey.dtype == np.uint8
     assert np.abs(grey - LUMA).max() <= 1
+
+
+@pytest.mark.parametrize(
+    "given", [BGR, np.dstack([BGR, GREY]), BGR / 255.0, torch.from_numpy(BGR).permute(2, 0, 1)], ids=type_of
+)
+def test_arrays_of_opencv_are_blue_green_red_if_one_says_so(given):
+    np.testing.assert_array_equal(as_grey(given, color="bgr"), cv2.cvtColor(BGR, cv2.COLOR_BGR2GRAY))
+    assert np.abs(as_grey(given) - LUMA).max() > 20, "the grey values of both orders must differ"
+
+
+@pytest.mark.parametrize("given", ["file", PIL.Image.fromarray(RGB)], ids=type_of)
+def test_files_and_pil_images_know_their_order(given, tmp_path):
+    if isinstance(given, str):
+        given = tmp_path / "image.png"
+        cv2.imwrite(str(given), BGR)
+    assert np.abs(as_grey(given, color="bgr") - LUMA).max() <= 1
+
+
+def test_every_call_of_the_detector_takes_the_order(detector):
+    expected = detector.detect(cv2.cvtColor(BGR, cv2.COLOR_BGR2GRAY), 20)
+    same(detector(BGR, 20, color="bgr"), expected)
+    same(detector([BGR, BGR], 20, color="bgr")[1], expected)
+    same(detector.within(BGR, Budget(20), color="bgr")[0], expected)
+    assert not np.array_equal(detector(BGR, 20).xy, expected.xy)
+    with pytest.raises(BadInputError, match=r"color is gbr: give rgb or bgr"):
+        detector(BGR, color="gbr")
 
 
 @pytest.mark.parametrize("mode", ["YCbCr", "HSV"])

@@ -56,6 +56,14 @@ def test_a_batch_is_its_images():
     assert all(torch.equal(a, b) for a, b in zip(colour, (lafs, responses, descriptors), strict=True))
 
 
+def test_channels_in_the_order_of_opencv():
+    colour = torch.stack([torch.from_numpy(texture(90, 120, seed)) for seed in (3, 4, 5)])[None]
+    expected = SipsFeature(tiny_detector(), n=30)(colour)
+    found = SipsFeature(tiny_detector(), n=30, color="bgr")(colour.flip(1))
+    assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
+    assert not torch.equal(SipsFeature(tiny_detector(), n=30)(colour.flip(1))[0], expected[0])
+
+
 def test_missing_points_are_zeros(kornia):
     batch = torch.stack([BATCH[0], torch.zeros_like(BATCH[0])])
     lafs, responses, descriptors = SipsFeature(tiny_detector(), n=30)(batch)
