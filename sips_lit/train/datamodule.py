@@ -103,6 +103,7 @@ class PairDataModule(ValidationDataModule):
             loading_timeout=self.loading_timeout,
             budgets=self.budgets,
             between=self.between,
+            pairs_per_step=trainer.accumulate_grad_batches,
         )
 
     def transfer_batch_to_device(self, batch: Any, device: torch.device, dataloader_idx: int) -> Any:

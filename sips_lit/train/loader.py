@@ -1,8 +1,9 @@
-"""Labels one step ahead: while the optimiser works on pair t, the points of pair t + 1 are selected and labelled."""
+"""Labels one step ahead: while the optimiser works on step t, the points of step t + 1 are selected and labelled."""
 
 from __future__ import annotations
 
 import contextlib
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
@@ -17,7 +18,7 @@ from sips_lit.inliers.point_labels import PointLabels
 from sips_lit.matching.mutual_nearest import MutualLifetimes
 from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedItems, unpack
-from sips_lit.train.labelling import images_between, label_along, label_pair
+from sips_lit.train.labelling import Map, images_between, label_along, label_pair
 from sips_lit.train.stream import LOADING_TIMEOUT, loaded, of_all_processes, step_back
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
@@ -59,12 +60,22 @@ Points = tuple[SelectedPoints, ...]
 """Of image 0, of image 1, and of the frames between in which points are looked for again."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Labelling:
+    """A pair that is being labelled, the points that it is labelled for, and what was left out before it."""
+
+    points: Points
+    skipped: tuple[str, ...]
+    pair: Future[LabelledPair]
+
+
 class OneStepAhead:
     """Yields pairs labelled by the network as it was one optimiser step earlier, whatever the timing.
 
-    Asks ``select`` for the points of the next pair, hands them to ``workers`` labelling threads (OpenCV releases the
-    GIL), and yields the pair labelled before. The state is the position in the stream of pairs and the points of the
-    pair that is being labelled: with it a resumed run continues as if it had not been interrupted. ``skipped`` counts
+    Where a step begins, asks ``select`` for the points of the ``pairs_per_step`` pairs of the next step, hands them to
+    ``labelling_workers`` threads (OpenCV releases the GIL), and yields those labelled before. So two processes of one pair
+    a step see what one process of two sees. The state is the position in the stream of pairs and the points of the
+    pairs that are being labelled: with it a resumed run continues as if it had not been interrupted. ``skipped`` counts
     the pairs that can't be read. ``budgets``: see `label_pair`; ``between``: in how many frames between, at most, points are
     looked for again (`label_along`), where the check uses these. Loading workers that give no pair for
     ``loading_timeout`` seconds are replaced.
@@ -84,14 +95,16 @@ class OneStepAhead:
         loading_timeout: float = LOADING_TIMEOUT,
         budgets: Sequence[int] = (),
         between: int = 0,
+        pairs_per_step: int = 1,
     ) -> None:
+        self.pairs_per_step = pairs_per_step
         self.budgets, self.between = budgets, between
         self.skipped, self.loading_timeout = skipped or SkippedItems(), loading_timeout
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
         self.loading_workers, self.labelling_workers = loading_workers, max(1, labelling_workers)
         self.first, self.indices = first, range(first, len(pairs), stride)  # of the pairs that this process takes
         self.position = 0
-        self._ahead: Points | None = None
+        self._ahead: list[Points] = []
 
     def __len__(self) -> int:
         """Pairs in the whole stream: independent of the position, as Lightning counts batches from the start."""
@@ -101,29 +114,37 @@ class OneStepAhead:
         """Continues at ``position``. Raises BadInputError when the workers that replace others give no pair, either."""
         # closed here, not when nobody refers to it any more: an error refers to all that it went through
         packed_pairs = loaded(self.pairs, self.indices[self.position :], self.loading_workers, self.loading_timeout)
+        at_once = min(self.pairs_per_step, self.labelling_workers)
         with (
             contextlib.closing(packed_pairs) as stream,
-            _pool(1) as coordinator,
+            _pool(at_once) as coordinators,
             _pool(self.labelling_workers) as workers,
         ):
+            parts = self.labelling_workers // at_once  # of a pair: with more pairs than threads each takes a whole one
 
-            def submit(ahead: Points | None = None) -> tuple[Points, tuple[str, ...], Future[LabelledPair]] | None:
+            def submitted(ahead: Points | None = None) -> _Labelling | None:
                 packed = next(stream, None)
                 if packed is None:
                     return None
                 item = unpack(packed)
                 points = ahead or self._select(item)
-                return points, item.skipped, coordinator.submit(self._label, item, points, workers)
+                label = partial(self._label, item, points, workers.map if parts > 1 else map, parts)
+                return _Labelling(points, item.skipped, coordinators.submit(label))
 
-            labelling = submit(self._ahead)
-            while labelling is not None:
-                following = submit()
-                labelled = labelling[2].result()
+            begun = (submitted(points) for points in self._ahead)
+            labelling = deque(pair for pair in begun if pair is not None)
+            while True:
+                if self.position % self.pairs_per_step == 0 or not labelling:
+                    while len(labelling) < 2 * self.pairs_per_step and (following := submitted()) is not None:
+                        labelling.append(following)
+                if not labelling:
+                    return
+                first = labelling.popleft()
+                labelled = first.pair.result()
                 self.position += 1
-                self.skipped.add(labelling[1], self.position)
-                self._ahead = following[0] if following else None
+                self.skipped.add(first.skipped, self.position)
+                self._ahead = [pair.points for pair in labelling]
                 yield replace(labelled, skipped=self.skipped.count)
-                labelling = following
 
     def _select(self, item: SourcePair) -> Points:
         return tuple(map(self.select, (item.pair.image0, item.pair.image1, *self._images_between(item).values())))
@@ -131,7 +152,7 @@ class OneStepAhead:
     def _images_between(self, item: SourcePair) -> dict[int, GreyImage]:
         return images_between(item.pair, self.between) if self.checks[item.source].uses_frames else {}
 
-    def _label(self, item: SourcePair, points: Points, workers: ThreadPoolExecutor) -> LabelledPair:
+    def _label(self, item: SourcePair, points: Points, parallel: Map, parts: int) -> LabelledPair:
         pair, check = item.pair, self.checks[item.source]
         keypoints0, keypoints1, *others = (selected.keypoints for selected in points)
         images = self._images_between(item)
@@ -140,8 +161,8 @@ class OneStepAhead:
             label_pair,
             descriptor=self.descriptor,
             check=check,
-            parallel=workers.map,
-            parts=self.labelling_workers,
+            parallel=parallel,
+            parts=parts,
             budgets=self.budgets,
         )
         labels0, labels1, inliers = label_along(pair, keypoints0, keypoints1, between, label)
@@ -150,7 +171,7 @@ class OneStepAhead:
 
     def state_dict(self) -> dict[str, Any]:
         """Plain numbers and tensors, as a checkpoint may hold, of all processes: each has pairs of its own."""
-        ahead = [_to_state(points) for points in self._ahead or ()]
+        ahead = [list(map(_to_state, points)) for points in self._ahead]
         own = {"ahead": ahead, "skipped": self.skipped.state_dict()}
         return {"position": self.position, "processes": of_all_processes(own)}
 
@@ -160,7 +181,7 @@ class OneStepAhead:
         self.position = state["position"] * len(states) // self.indices.step
         own = states[self.indices.start] if len(states) == self.indices.step else {**states[0], "ahead": []}
         self.skipped.load_state_dict(own["skipped"])
-        self._ahead = tuple(map(_from_state, own["ahead"])) or None
+        self._ahead = [tuple(map(_from_state, points)) for points in own["ahead"]]
 
 
 def _to_state(points: SelectedPoints) -> dict[str, Tensor]:

@@ -15,6 +15,7 @@ from cli_runs import TINY, write_frames
 from forked_commands import ForkedCommand
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from textured_scenes import flight, texture
+from tiny_runs import weights
 
 
 def given(frames, *more: str) -> list[str]:
@@ -137,8 +138,8 @@ def test_two_processes_are_one_run_which_a_sigterm_to_either_of_them_interrupts(
     for which in ("last", "best"):
         one, other = stored("run", which), stored("whole", which)
         assert one["global_step"] == other["global_step"]
-        for weights, others in zip(one["state_dict"].values(), other["state_dict"].values(), strict=True):
-            assert torch.equal(weights, others)
+        for tensor, others in zip(one["state_dict"].values(), other["state_dict"].values(), strict=True):
+            assert torch.equal(tensor, others)
     assert stored("run")["global_step"] == 30
 
 
@@ -493,3 +494,23 @@ def test_every_pair_validates_once_whatever_the_number_of_processes(
     assert {"val/succinctness_auc", "val/ece", "val/mce", "val/brier"} <= validated(one).keys()
     assert 0 < validated(one)["val/succinctness_auc"] < 1
     assert validated(several) == validated(one)
+
+
+@pytest.mark.slow
+def test_two_processes_learn_what_one_does_that_takes_both_pairs_a_step(process, frames, folders):
+    """Gradients are averaged, over processes as over the pairs of a step; points are selected before the same steps."""
+    runs = {name: folders / name for name in ("one", "two", "single")}
+    same = "trainer.max_steps=4", "trainer.val_check_interval=4", "trainer.precision=32-true", "optim.optimizer.lr=0.01"
+    more = {
+        "one": ["trainer.accumulate_grad_batches=2"],
+        "two": ["trainer.devices=2", "trainer.strategy=ddp"],
+        "single": [],  # a pair a step: what must differ
+    }
+    for name, options in more.items():
+        arguments = given(frames, *same, *options, f"hydra.run.dir={runs[name]}")
+        code, out = ended(process("train", *arguments), 90)
+        assert code == 0, out
+    one, two, single = (weights(run) for run in runs.values())
+    for name, of_one in one.items():
+        torch.testing.assert_close(two[name], of_one, rtol=0, atol=1e-5)
+    assert max((single[name] - of_one).abs().max() for name, of_one in one.items()) > 1e-3

@@ -46,19 +46,28 @@ def pairs_of(*sequences: ArraySequence, length: int = LENGTH) -> PackedPairs:
 
 
 def loader(
-    learner: Learner, loading: int = 0, labelling: int = 1, first: int = 0, stride: int = 1, between: int = 0
+    learner: Learner,
+    loading: int = 0,
+    labelling: int = 1,
+    first: int = 0,
+    stride: int = 1,
+    between: int = 0,
+    pairs_per_step: int = 1,
+    length: int = LENGTH,
 ) -> OneStepAhead:
-    pairs = pairs_of(flight(5, size=(80, 64)), flight(4, size=(72, 60), seed=1, name="other"))
+    pairs = pairs_of(flight(5, size=(80, 64)), flight(4, size=(72, 60), seed=1, name="other"), length=length)
     checks = [KltInliers(), HomographyInliers()]
-    return OneStepAhead(pairs, learner.select, RootSift(), checks, loading, labelling, first, stride, between=between)
+    more = {"between": between, "pairs_per_step": pairs_per_step}
+    return OneStepAhead(pairs, learner.select, RootSift(), checks, loading, labelling, first, stride, **more)
 
 
 def run(stream: OneStepAhead, learner: Learner, steps: int | None = None) -> list[LabelledPair]:
-    """Takes pairs as a trainer does: a step of the learner after each."""
+    """Takes pairs as a trainer does: a step of the learner after as many as one is."""
     taken = []
     for pair in stream:
         taken.append(pair)
-        learner.step()
+        if len(taken) % stream.pairs_per_step == 0:
+            learner.step()
         if len(taken) == steps:
             break
     return taken

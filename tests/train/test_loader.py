@@ -80,6 +80,45 @@ def test_a_resumed_stream_has_the_points_of_the_frames_between(stop, tmp_path):
     assert sum(kind == "select" for kind, _ in resumed.events) == 2 * (LENGTH - stop - 1) + sum(inner[stop + 1 :])
 
 
+@pytest.mark.parametrize("labelling", [1, 2, 5])
+def test_the_points_of_a_step_of_several_pairs_are_all_selected_before_the_step_before(labelling):
+    learner = Learner()
+    taken = run(loader(learner, labelling=labelling, pairs_per_step=3, length=8), learner)
+    assert len(taken) == 8
+    # two steps at first; the last has two pairs
+    assert learner.events == [("select", 0)] * 12 + [("step", 0)] + [("select", 1)] * 4 + [("step", 1)]
+
+
+@pytest.mark.parametrize(("ranks", "each"), [(2, 1), (3, 1), (2, 2)])
+def test_several_processes_label_what_one_does_that_takes_their_pairs_a_step(ranks, each):
+    length, learner = 3 * ranks * each, Learner()
+    together = run(loader(learner, pairs_per_step=ranks * each, length=length), learner)
+    for rank in range(ranks):
+        learner = Learner()
+        share = run(loader(learner, first=rank, stride=ranks, pairs_per_step=each, length=length), learner)
+        assert len(share) == 3 * each
+        for pair, other in zip(share, together[rank::ranks], strict=True):
+            assert_same(pair, other)
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_a_resumed_stream_of_several_pairs_a_step_goes_on_as_if_never_interrupted(steps, tmp_path):
+    def several(learner: Learner) -> OneStepAhead:
+        return loader(learner, pairs_per_step=2, length=8)
+
+    learner = Learner()
+    whole = run(several(learner), learner)
+    first = Learner()
+    stream = several(first)
+    run(stream, first, 2 * steps)
+    torch.save(stream.state_dict(), tmp_path / "state.pt")
+    resumed = Learner(steps=steps)
+    again = several(resumed)
+    again.load_state_dict(torch.load(tmp_path / "state.pt", weights_only=True))
+    for pair, other in zip(run(again, resumed), whole[2 * steps :], strict=True):
+        assert_same(pair, other)
+
+
 def test_a_finished_stream_stays_finished():
     learner = Learner()
     stream = loader(learner)
@@ -197,6 +236,14 @@ def test_another_number_of_processes_goes_on_at_the_same_place(monkeypatch):
     rest = run(alone, learner)
     assert [pair.name for pair in rest] == names[2:]
     assert learner.events[:5] == [("select", 0)] * 4 + [("step", 0)]  # not the points that the two processes had
+
+
+def test_another_number_of_processes_goes_on_in_the_middle_of_a_step(monkeypatch):
+    names = [pair.name for pair in run(loader(Learner()), Learner())]
+    learner = Learner()
+    alone = loader(learner, pairs_per_step=4)
+    alone.load_state_dict(stored_after(1, monkeypatch))
+    assert [pair.name for pair in run(alone, learner)] == names[2:]
 
 
 def stop_workers() -> None:
