@@ -149,13 +149,15 @@ class Keypoints:
 
     ``xy`` (N, 2) float32 pixels; ``score`` (N,) float32, descending (for SIPs the probability of being an inlier);
     ``scale`` (N,) float32, the size of the point relative to the finest scale (1 = full resolution); ``depth`` (N,) float64
-    along the optical axis in metres, NaN where unknown, or None where it was not measured.
+    along the optical axis in metres, NaN where unknown, or None where it was not measured; ``covariance`` (N, 2, 2) float32
+    of ``xy`` in pixels squared, or None where the detector does not know how sure a place is.
     """
 
     xy: NDArray[np.float32]
     score: NDArray[np.float32]
     scale: NDArray[np.float32]
     depth: NDArray[np.float64] | None = None
+    covariance: NDArray[np.float32] | None = None
 
     def __len__(self) -> int:
         return len(self.xy)
@@ -163,7 +165,8 @@ class Keypoints:
     def __getitem__(self, rows: NDArray[Any] | slice) -> Keypoints:
         """Some of the points, by a mask, by positions or by a slice."""
         depth = None if self.depth is None else self.depth[rows]
-        return Keypoints(self.xy[rows], self.score[rows], self.scale[rows], depth)
+        covariance = None if self.covariance is None else self.covariance[rows]
+        return Keypoints(self.xy[rows], self.score[rows], self.scale[rows], depth, covariance)
 
     def best(self, n: int) -> Keypoints:
         """The first ``n`` points (all, if there are fewer)."""
@@ -236,13 +239,16 @@ class Inliers:
     """The answer of an inlier check for M matches between N0 and N1 points.
 
     ``inlier`` (M,) bool and ``reason`` (M,) uint8 (`Reason`), per match; ``known0`` (N0,) and ``known1`` (N1,) bool, per
-    point: whether the truth about it is known (if not, it is ignored in training).
+    point: whether the truth about it is known (if not, it is ignored in training). ``residual`` (M, 2, 2) float32 pixels:
+    from the matched point to where the point truly moves, (x, y) forward in image 1 and backward in image 0, NaN where
+    that is not known; None where the check does not measure it.
     """
 
     inlier: NDArray[np.bool_]
     reason: NDArray[np.uint8]
     known0: NDArray[np.bool_]
     known1: NDArray[np.bool_]
+    residual: NDArray[np.float32] | None = None
 
 
 class Detector(Protocol):

@@ -33,6 +33,7 @@ from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.score_module import ScoreModule
 from sips_lit.train.validation_data import ValidationDataModule
 
+AUC = "val/succinctness_auc"
 RUN_METRIC = "best_succinctness_auc"
 
 
@@ -54,7 +55,7 @@ def train(config: DictConfig) -> float:
         config.trainer, callbacks=callbacks, logger=build(config.logger), val_check_interval=interval
     )
     record = record_of(config, data, trainer, module)
-    fine_tuning = FineTuning() if config.init is not None else None
+    fine_tuning = FineTuning() if config.init is not None and module.learns == "scores" else None
     own = [Continuation(record), *([] if fine_tuning is None else [fine_tuning])]
     trainer.callbacks.extend(own)  # type: ignore[attr-defined]  # set by the trainer's connector
     start = find_start(config, record)
@@ -86,6 +87,9 @@ def train(config: DictConfig) -> float:
         warn_input(told)  # a search goes on with it as the lowest score
         return auc
     _report(data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
+    if module.learns == "covariance":
+        last = {name: float(trainer.callback_metrics[f"val/covariance_{name}"]) for name in ("error", "scale")}
+        print(f"covariance:  error of its reliability {last['error']:.3f}, needed factor {last['scale']:.2f}")
     if fine_tuning is not None:
         print(f"fine-tuning: {fine_tuning.told(auc, config.init)}")
     if config.compare is not None and best is not None:
@@ -167,7 +171,9 @@ def _best(trainer: L.Trainer) -> tuple[Path | None, float]:
     checkpoint = trainer.checkpoint_callback
     score = getattr(checkpoint, "best_model_score", None)
     if checkpoint is None or score is None:
-        return None, float(trainer.callback_metrics.get("val/succinctness_auc", float("nan")))
+        return None, float(trainer.callback_metrics.get(AUC, float("nan")))
+    if getattr(checkpoint, "monitor", None) != AUC:  # scores that a run leaves alone have one AUC
+        score = trainer.callback_metrics[AUC]
     return Path(getattr(checkpoint, "best_model_path", "")), float(score)
 
 

@@ -14,6 +14,7 @@ from torch import Tensor
 from sips_lit.detect.base import BaseDetector
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
+from sips_lit.detect.covariance import with_covariance
 from sips_lit.detect.recalibration import Recalibration
 from sips_lit.detect.released import DEFAULT, SHA256
 from sips_lit.detect.runtime import make_runtime
@@ -132,10 +133,11 @@ class SipsDetector(BaseDetector):
         return [self.detect(as_grey(one, f"image {index} of the batch", color), n) for index, one in enumerate(image)]
 
     def detect(self, image: GreyImage, n: int) -> Keypoints:
-        """At most ``n`` points of a grey uint8 image (H, W), best first."""
+        """At most ``n`` points of a grey uint8 image (H, W), best first, with covariances where the network has the head."""
         if n < 0:
             raise BadInputError(f"n is {n}: ask for a number of points that is not negative")
-        return self.selector.select(self.runtime, image_tensor(image, self.device), n).keypoints
+        tensor = image_tensor(image, self.device)
+        return with_covariance(self.network, tensor, self.selector.select(self.runtime, tensor, n))
 
     def within(
         self, image: str | Path | NDArray[Any] | Tensor | Any, budget: Budget, color: ColorOrder = "rgb"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -67,7 +67,7 @@ class Recalibration:
         """
         first = keypoints.best(n)
         score = self.moved(first.score, len(keypoints), len(first))
-        return Keypoints(first.xy, score, first.scale, first.depth)
+        return replace(first, score=score)
 
 
 AS_TRAINED: Final = Recalibration()

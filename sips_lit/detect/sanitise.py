@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 import numpy as np
@@ -85,7 +85,7 @@ def sanitise(points: Points, image_shape: tuple[int, ...], n: int) -> tuple[Poin
         short=int(len(kept) < n),
         empty=int(len(kept) == 0 < n),
     )
-    cleaned = Keypoints(keypoints.xy[kept], keypoints.score[kept], keypoints.scale[kept])
+    cleaned = replace(keypoints[kept], depth=None)
     if isinstance(points, Features):
         return Features(cleaned, descriptors[kept], points.norm), defects
     return cleaned, defects
@@ -99,11 +99,17 @@ def _refuse_mismatch(keypoints: Keypoints, descriptors: NDArray[np.generic]) -> 
             f"the detector returned positions, scores, scales and descriptors of shapes {', '.join(map(str, shapes))}: "
             "they must be (N, 2), (N,), (N,) and (N, D)"
         )
+    if keypoints.covariance is not None and keypoints.covariance.shape != (count, 2, 2):
+        raise BadInputError(
+            f"the detector returned covariances of shape {keypoints.covariance.shape} for {count} points: give (N, 2, 2)"
+        )
 
 
 def _valid(keypoints: Keypoints, descriptors: NDArray[np.generic]) -> NDArray[np.bool_]:
     scale_is_legal = np.isfinite(keypoints.scale) & (keypoints.scale > 0)
     finite = np.isfinite(keypoints.xy).all(axis=1) & np.isfinite(keypoints.score) & scale_is_legal
+    if keypoints.covariance is not None:
+        finite &= np.isfinite(keypoints.covariance).all(axis=(1, 2))
     if np.issubdtype(descriptors.dtype, np.floating):
         finite &= np.isfinite(descriptors.astype(np.float64)).all(axis=1)
     return finite

@@ -17,6 +17,7 @@ Gradient = Literal["patches", "dense"]
 
 # a damaged checkpoint may ask for any number
 MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR = 1000, 32, 16
+COVARIANCE_NUMBERS = 3  # log sigma_x, log sigma_y, and the inverse hyperbolic tangent of their correlation
 
 
 class ScoreNetwork(nn.Module):
@@ -26,7 +27,8 @@ class ScoreNetwork(nn.Module):
     and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias`` (our choice). With
     ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`). With
     ``derivatives`` the first layer gets `derivative_channels` instead of the grey image alone (the paper's), and the
-    receptive field grows by a pixel to each side.
+    receptive field grows by a pixel to each side. With ``covariance`` a second last layer, ``covariance_head``, gives three
+    numbers a pixel of which `sips_lit.detect.covariance` makes the covariance of a point's place; logits stay what they are.
 
     The input is padded once by ``radius`` replicated pixels, then every convolution is a valid one: the logit of a pixel
     depends on exactly the (2 radius + 1)^2 pixels around it, and the same numbers come out of a dense pass and of patches.
@@ -43,6 +45,7 @@ class ScoreNetwork(nn.Module):
         scales: int = 1,
         scale_factor: float = math.sqrt(2),
         derivatives: bool = False,
+        covariance: bool = False,
     ) -> None:
         super().__init__()
         if depth not in range(2, MOST_LAYERS + 1) or width < 2 or width % 2:
@@ -62,6 +65,7 @@ class ScoreNetwork(nn.Module):
             "scales": scales,
             "scale_factor": scale_factor,
             "derivatives": derivatives,
+            "covariance": covariance,
         }
         self.derivatives = derivatives
         self.radius = depth + int(derivatives)
@@ -79,6 +83,11 @@ class ScoreNetwork(nn.Module):
                 cast(Tensor, layer.bias).zero_()
             cast(Tensor, self.layers[-1].weight).mul_(0.1)  # logits start near the bias
             cast(Tensor, self.layers[-1].bias).fill_(start_bias)
+        self.covariance_head: nn.Conv2d | None = None
+        if covariance:  # made last: the other weights start as they do without it
+            self.covariance_head = nn.Conv2d(widths[-2], COVARIANCE_NUMBERS, 3)
+            nn.init.zeros_(self.covariance_head.weight)
+            nn.init.zeros_(cast(Tensor, self.covariance_head.bias))  # a standard deviation of a pixel everywhere
         for parameter in self.parameters():
             if parameter.ndim == 4:  # channels last halves the time on a CPU
                 parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
@@ -107,6 +116,10 @@ class ScoreNetwork(nn.Module):
 
     def valid(self, padded: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of padded, scaled images (B, 1, H + 2 radius, W + 2 radius)."""
+        return self._last(self.layers[-1], self._hidden(padded))
+
+    def _hidden(self, padded: Tensor) -> Tensor:
+        """What the last layer sees, (B, C, H + 2, W + 2), of padded, scaled images."""
         x = padded
         if self.derivatives:
             with torch.autocast(x.device.type, enabled=False):  # differences of rounded grey values are noise
@@ -114,10 +127,14 @@ class ScoreNetwork(nn.Module):
         x = x.contiguous(memory_format=torch.channels_last)
         for layer in self.layers[:-1]:
             x = F.leaky_relu(layer(x), self.leaky_slope, inplace=not torch.is_grad_enabled())
+        return x
+
+    @staticmethod
+    def _last(layer: nn.Module, hidden: Tensor) -> Tensor:
         # float32 under autocast, too: equal logits would make the order of the points arbitrary
-        with torch.autocast(x.device.type, enabled=False):
-            logits: Tensor = self.layers[-1](x.float())
-        return logits
+        with torch.autocast(hidden.device.type, enabled=False):
+            output: Tensor = layer(hidden.float())
+        return output
 
     def at(self, image: Tensor, rows: Tensor, columns: Tensor, gradient: Gradient) -> Tensor:
         """Logits (N,) at N pixels of one image (1, 1, H, W), differentiable, by the route ``gradient``.
@@ -127,9 +144,24 @@ class ScoreNetwork(nn.Module):
         """
         if gradient == "dense":
             return self.forward(image)[0, 0][rows, columns]
+        return self.valid(self._windows(image, rows, columns)).flatten()
+
+    def covariance_numbers(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
+        """Outputs (N, 3) of the covariance head at N pixels of one image (1, 1, H, W), by their receptive fields.
+
+        Only the head gets a gradient: scores are not traded for it. Raises ValueError for a network without that head.
+        """
+        if self.covariance_head is None:
+            raise ValueError("the score network has no covariance head")
+        with torch.no_grad():
+            hidden = self._hidden(self._windows(image, rows, columns))
+        return self._last(self.covariance_head, hidden).flatten(1)
+
+    def _windows(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
+        """The padded, scaled receptive fields (N, 1, 2 radius + 1, 2 radius + 1) of N pixels."""
         size = 2 * self.radius + 1
         windows = self.pad(image)[0, 0].unfold(0, size, 1).unfold(1, size, 1)
-        return self.valid(windows[rows, columns].unsqueeze(1)).flatten()
+        return windows[rows, columns].unsqueeze(1)
 
 
 def _scale(image: Tensor) -> Tensor:

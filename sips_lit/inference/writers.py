@@ -105,7 +105,10 @@ class FeatureWriter:
 
 
 class NpzWriter(PointWriter):
-    """``<frame>.npz`` with ``keypoints`` (N, 2), ``scores`` (N,), ``scales`` (N,), float32, and ``image_size`` (W, H)."""
+    """``<frame>.npz`` with ``keypoints`` (N, 2), ``scores`` (N,), ``scales`` (N,), float32, and ``image_size`` (W, H).
+
+    Also ``covariances`` (N, 2, 2) float32 in pixels squared, of points that have them.
+    """
 
     def __init__(self, folder: Path) -> None:
         make_folder(folder)
@@ -119,13 +122,19 @@ class NpzWriter(PointWriter):
     def write(self, frame: Frame, keypoints: Keypoints) -> None:
         """Writes one file."""
         buffer, size = io.BytesIO(), np.array(frame.grey.shape[::-1], np.int64)
-        np.savez(buffer, keypoints=keypoints.xy, scores=keypoints.score, scales=keypoints.scale, image_size=size)
+        arrays: dict[str, Any] = {"keypoints": keypoints.xy, "scores": keypoints.score, "scales": keypoints.scale}
+        if keypoints.covariance is not None:
+            arrays["covariances"] = keypoints.covariance
+        np.savez(buffer, image_size=size, **arrays)
         write_whole(self.folder / f"{frame.name}.npz", buffer.getvalue())
         self.files += 1
 
 
 class CsvWriter:
-    """One table of all points: ``frame,x,y,score,scale``. Numbers are written so that they read back exactly."""
+    """One table of all points: ``frame,x,y,score,scale``. Numbers are written so that they read back exactly.
+
+    Covariances, of points that have them, follow as ``xx,xy,yy`` in pixels squared.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path, self.rows, self.unfinished = path, 0, Unfinished(path)
@@ -133,7 +142,7 @@ class CsvWriter:
             self.file = self.unfinished.temporary.open("w", newline="", encoding="utf-8")
         except OSError as error:
             raise BadInputError(unwritten(path, error)) from error
-        self._append([["frame", "x", "y", "score", "scale"]])
+        self.started = False
 
     @property
     def written(self) -> str:
@@ -142,7 +151,11 @@ class CsvWriter:
 
     def write(self, frame: Frame, keypoints: Keypoints) -> None:
         """Appends one row per point."""
-        numbers = np.column_stack([keypoints.xy, keypoints.score, keypoints.scale])
+        columns = [keypoints.xy, keypoints.score, keypoints.scale]
+        if keypoints.covariance is not None:
+            columns.append(keypoints.covariance.reshape(-1, 4)[:, [0, 1, 3]])
+        self._start(keypoints.covariance is not None)
+        numbers = np.column_stack(columns)
         self._append([[frame.name, *(str(number) for number in row)] for row in numbers])  # shortest exact float32
         self.rows += len(keypoints)
 
@@ -150,11 +163,18 @@ class CsvWriter:
         """Finishes the table, of the frames so far; one that no longer fits on the disk is removed."""
         if self.file.closed:
             return
+        self._start(covariances=False)
         try:
             self.file.close()
         except OSError as error:
             self._give_up(error)
         self.unfinished.finish()
+
+    def _start(self, covariances: bool) -> None:
+        """The head of the table, before the first points."""
+        if not self.started:
+            self.started = True
+            self._append([["frame", "x", "y", "score", "scale", *(("xx", "xy", "yy") if covariances else ())]])
 
     def _append(self, rows: list[list[str]]) -> None:
         text = io.StringIO()

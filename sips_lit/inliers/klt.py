@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sips_lit.inliers.independent import IndependentCheck
 from sips_lit.tracking.klt import KltTracker
@@ -28,21 +29,24 @@ class KltInliers(IndependentCheck):
 
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Every point is known to KLT: what can't be tracked is an outlier."""
-        reason = self._one_way(pair.frames, keypoints0, keypoints1, matches)
+        reason, residual = self._one_way(pair.frames, keypoints0, keypoints1, matches)
+        both = np.full((len(matches), 2, 2), np.nan, np.float32)
+        both[:, 0] = residual
         forward = np.flatnonzero(reason == Reason.INLIER)  # tracking backward can only take inliers away
         turned = Matches(matches.index1[forward], matches.index0[forward])
-        reason[forward] = self._one_way(pair.frames[::-1], keypoints1, keypoints0, turned)
+        reason[forward], both[forward, 1] = self._one_way(pair.frames[::-1], keypoints1, keypoints0, turned)
         everything = (np.ones(len(keypoints0), np.bool_), np.ones(len(keypoints1), np.bool_))
-        return Inliers(reason == Reason.INLIER, reason, *everything)
+        return Inliers(reason == Reason.INLIER, reason, *everything, both)
 
     def _one_way(
         self, frames: tuple[Any, ...], start: Keypoints, goal: Keypoints, matches: Matches
-    ) -> np.ndarray[Any, np.dtype[np.uint8]]:
-        """Reason of each match when its first point is tracked from the first of the frames to the last."""
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Reason and residual (M, 2) of each match when its first point is tracked from the first frame to the last."""
         points, point_of_match = np.unique(matches.index0, return_inverse=True)
         ends, survived = self.tracker.track(frames, start.xy[points])
+        residual = ends[point_of_match] - goal.xy[matches.index1]
         with np.errstate(invalid="ignore"):
-            near = ((ends[point_of_match] - goal.xy[matches.index1]) ** 2).sum(1) <= self.threshold**2
+            near = (residual**2).sum(1) <= self.threshold**2
         reason = np.where(near, Reason.INLIER, Reason.FAR).astype(np.uint8)
         reason[~survived[point_of_match]] = Reason.LOST
-        return reason
+        return reason, residual

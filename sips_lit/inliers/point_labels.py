@@ -38,17 +38,26 @@ class PointLabels:
 
     A point is an inlier if its match is one; every other point is an outlier, matched or not, unless nothing is known.
     ``share`` (N,) float32 is how much of an inlier it is: 1 or 0, if it is judged among one number of points only.
+    ``residual`` (N, 2) float32: from its matched point to where it truly moves in the other image, (x, y) in pixels of
+    that, NaN where it is no inlier; None where the check does not measure it.
     """
 
     inlier: NDArray[np.bool_]
     known: NDArray[np.bool_]
     reason: NDArray[np.uint8]
     share: NDArray[np.float32]
+    residual: NDArray[np.float32] | None = None
 
 
-def point_labels(inliers: Inliers, point_of_match: NDArray[np.int64], known: NDArray[np.bool_]) -> PointLabels:
-    """Labels of the points of one image from what is known about their matches."""
+def point_labels(
+    inliers: Inliers, point_of_match: NDArray[np.int64], known: NDArray[np.bool_], way: int = 0
+) -> PointLabels:
+    """Labels of the points of one image, image 0 or 1 by ``way``, from what is known about their matches."""
     reason = np.where(known, Reason.UNMATCHED, Reason.UNKNOWN).astype(np.uint8)
     reason[point_of_match] = inliers.reason
     inlier = reason == Reason.INLIER
-    return PointLabels(inlier, reason != Reason.UNKNOWN, reason, inlier.astype(np.float32))
+    residual = None
+    if inliers.residual is not None:
+        residual = np.full((len(known), 2), np.nan, np.float32)
+        residual[point_of_match[inliers.inlier]] = inliers.residual[inliers.inlier, way]
+    return PointLabels(inlier, reason != Reason.UNKNOWN, reason, inlier.astype(np.float32), residual)

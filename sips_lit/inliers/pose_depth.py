@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -54,9 +54,10 @@ class PoseDepthInliers(IndependentCheck):
 
         def prepared(matches: Matches, repeat: int = 0) -> Inliers:
             xy0, xy1 = keypoints0.xy[matches.index0], keypoints1.xy[matches.index1]
-            forward = self._one_way(xy0, depth0[matches.index0], xy1, view0, view1, T_1_0)
-            backward = self._one_way(xy1, depth1[matches.index1], xy0, view1, view0, np.linalg.inv(T_1_0))
-            return symmetric(forward, backward, matches, np.isfinite(depth0), np.isfinite(depth1))
+            forward, ahead = self._one_way(xy0, depth0[matches.index0], xy1, view0, view1, T_1_0)
+            backward, back = self._one_way(xy1, depth1[matches.index1], xy0, view1, view0, np.linalg.inv(T_1_0))
+            answer = symmetric(forward, backward, matches, np.isfinite(depth0), np.isfinite(depth1))
+            return replace(answer, residual=np.stack([ahead, back], 1).astype(np.float32))
 
         return prepared
 
@@ -66,10 +67,10 @@ class PoseDepthInliers(IndependentCheck):
 
     def _one_way(
         self, xy: FloatArray, depth: FloatArray, goal: FloatArray, here: View, there: View, T_there_here: FloatArray
-    ) -> NDArray[np.uint8]:
-        """Reason of each match: its point ``xy`` (M, 2) with its ``depth`` (M,) should move to ``goal`` (M, 2)."""
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+        """Reason and residual (M, 2) of matches: points ``xy`` (M, 2) with ``depth`` (M,) should move to ``goal`` (M, 2)."""
         moved, visible = transfer_to_view(xy, depth, here, there, T_there_here, self.occlusion)
         with np.errstate(invalid="ignore"):
             near = np.linalg.norm(moved - goal, axis=1) <= self.threshold
         seen = np.where(visible, np.where(near, Reason.INLIER, Reason.FAR), Reason.LOST)
-        return np.where(np.isfinite(depth), seen, Reason.UNKNOWN).astype(np.uint8)
+        return np.where(np.isfinite(depth), seen, Reason.UNKNOWN).astype(np.uint8), moved - goal

@@ -46,7 +46,7 @@ class VerifiedPair:
         matches, inliers = self.at(n)
         return (
             point_labels(inliers, matches.index0, inliers.known0),
-            point_labels(inliers, matches.index1, inliers.known1),
+            point_labels(inliers, matches.index1, inliers.known1, 1),
         )
 
     def outcomes(
@@ -60,6 +60,21 @@ class VerifiedPair:
         score = np.concatenate([best(f.keypoints, n).score for f in (self.features0, self.features1)])
         known = np.concatenate([of_image.known for of_image in labels])
         return score[known], np.concatenate([of_image.inlier for of_image in labels])[known]
+
+    def residuals(self, n: int) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
+        """Residuals (R, 2) of the inlier matches between the ``n`` best points, forward and backward, where they are known.
+
+        With the covariances (R, 2, 2) that the points claim: their sum, see `sips_lit.train.covariance_loss`. None where
+        the check measures no residuals or the points have no covariances.
+        """
+        matches, inliers = self.at(n)
+        claimed0, claimed1 = self.features0.keypoints.covariance, self.features1.keypoints.covariance
+        if inliers.residual is None or claimed0 is None or claimed1 is None:
+            return None
+        residual = inliers.residual[inliers.inlier]
+        claimed = (claimed0[matches.index0] + claimed1[matches.index1])[inliers.inlier]
+        known = np.isfinite(residual).all(2)
+        return residual[known], np.stack([claimed, claimed], 1)[known]
 
 
 def verify(

@@ -82,7 +82,9 @@ class ExactVerifier:
         alive = np.flatnonzero((self.lifetimes.first <= n) & (n <= self.lifetimes.last))
         matches = Matches(self.lifetimes.index0[alive], self.lifetimes.index1[alive])
         i = self.inliers
-        return VerifiedMatches(matches, Inliers(i.inlier[alive], i.reason[alive], i.known0[:n], i.known1[:n]))
+        residual = None if i.residual is None else i.residual[alive]
+        known = i.known0[:n], i.known1[:n]
+        return VerifiedMatches(matches, Inliers(i.inlier[alive], i.reason[alive], *known, residual))
 
     def needed(self, k: int, n_max: int, repeat: int) -> int | None:
         """n_k, or None if ``n_max`` points, at most those of the verifier, do not give ``k`` inliers."""
@@ -111,7 +113,7 @@ class SearchVerifier:
             matches = Matches(ordered.index0[order], ordered.index1[order])
             self._known[key] = VerifiedMatches(matches, self.check(matches, repeat))
         matches, i = self._known[key]
-        return VerifiedMatches(matches, Inliers(i.inlier, i.reason, i.known0[:n], i.known1[:n]))
+        return VerifiedMatches(matches, Inliers(i.inlier, i.reason, i.known0[:n], i.known1[:n], i.residual))
 
     def needed(self, k: int, n_max: int, repeat: int) -> int | None:
         """n_k by the paper's binary search, with all the caveats of `binary_search`, or None."""

@@ -61,8 +61,8 @@ def label_pair(
     keypoints1 = in_frame(keypoints1, pair.image1, pair.frames[-1])
     prepared = check.prepare(pair, keypoints0, keypoints1)
     judged = _in_parts(prepared, check.independent, whole.matches, parallel, parts)
-    labels0 = point_labels(judged, whole.index0, judged.known0)
-    labels1 = point_labels(judged, whole.index1, judged.known1)
+    labels0 = _in_image(point_labels(judged, whole.index0, judged.known0), pair.image1, pair.frames[-1])
+    labels1 = _in_image(point_labels(judged, whole.index1, judged.known1, 1), pair.image0, pair.frames[0])
     inliers = whole[judged.inlier]
     if budgets and check.independent:
         lifetimes = mutual_nearest_lifetimes(apart)
@@ -134,6 +134,14 @@ def in_frame(keypoints: Keypoints, image: GreyImage, frame: GreyImage) -> Keypoi
     return replace(keypoints, xy=xy.astype(np.float32), scale=keypoints.scale * np.float32(np.sqrt(H[0, 0] * H[1, 1])))
 
 
+def _in_image(labels: PointLabels, other: GreyImage, frame: GreyImage) -> PointLabels:
+    """Labels with residuals in the pixels of the other image, of those in the frame of which it is a resized copy."""
+    if labels.residual is None or other.shape == frame.shape:
+        return labels
+    pixels = np.array(other.shape[::-1]) / np.array(frame.shape[::-1])
+    return replace(labels, residual=(labels.residual * pixels).astype(np.float32))
+
+
 def _in_parts(check: PreparedCheck, independent: bool, matches: Matches, parallel: Map, parts: int) -> Inliers:
     if parts == 1 or not independent:
         return check(matches)
@@ -144,4 +152,10 @@ def _in_parts(check: PreparedCheck, independent: bool, matches: Matches, paralle
         np.concatenate([answer.reason for answer in answers]),
         np.any([answer.known0 for answer in answers], axis=0),
         np.any([answer.known1 for answer in answers], axis=0),
+        _joined([answer.residual for answer in answers]),
     )
+
+
+def _joined(residuals: Sequence[NDArray[np.float32] | None]) -> NDArray[np.float32] | None:
+    measured = [residual for residual in residuals if residual is not None]
+    return np.concatenate(measured) if len(measured) == len(residuals) else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import cv2
 import lightning as L
@@ -15,6 +15,7 @@ from torch.optim.lr_scheduler import LRScheduler
 
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor
+from sips_lit.errors import BadInputError
 from sips_lit.inliers.verification import verify
 from sips_lit.train.dataset import unpack
 from sips_lit.train.validation_data import ValidationDataModule
@@ -25,8 +26,12 @@ class ScoreModule(L.LightningModule):
     """Validates a score network by the points that it selects, optimises and stores it; subclasses say how it learns.
 
     ``optimizer`` makes an optimiser of the parameters; ``scheduler``, if any, a schedule of the optimiser and the
-    number of steps (``T_max``). ``points``: how many are selected in each image.
+    number of steps (``T_max``). ``points``: how many are selected in each image. Raises BadInputError for a network with a
+    covariance head where scores are learned, and for one without where covariances are.
     """
+
+    learns: ClassVar[Literal["scores", "covariance"]] = "scores"
+    """What a run is about: what is best is judged by it."""
 
     def __init__(
         self,
@@ -37,6 +42,11 @@ class ScoreModule(L.LightningModule):
         points: int = 500,
     ) -> None:
         super().__init__()
+        if (network.covariance_head is not None) != (self.learns == "covariance"):
+            raise BadInputError(
+                "covariances are learned by experiment=covariance with model.covariance=true, after the scores: leave "
+                "model.covariance as the experiment has it"
+            )
         self.network, self.selector, self.points = network, selector, points
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.save_hyperparameters({"network": dict(network.config), "selector": selector.config}, logger=False)
@@ -45,6 +55,11 @@ class ScoreModule(L.LightningModule):
     def learns_from(self) -> dict[str, str]:
         """What else the run depends on, by name, with a digest: two runs are the same only where it is."""
         return {}
+
+    @property
+    def trained(self) -> Iterable[Tensor]:
+        """The weights that a run changes."""
+        return self.network.parameters()
 
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of images (B, 1, H, W)."""
@@ -89,7 +104,7 @@ class ScoreModule(L.LightningModule):
 
     def configure_optimizers(self) -> Any:
         """Optimiser and, if any, a schedule that ends with the last step of the run."""
-        optimizer, scheduler = self._optimization(self.network.parameters())
+        optimizer, scheduler = self._optimization(self.trained)
         if scheduler is None:
             return optimizer
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}

@@ -208,7 +208,8 @@ def test_the_calibration_of_released_weights_composes(tmp_path):
 def test_every_experiment_composes(name, tmp_path, checkpoint):
     given = [f"data.sources.{part}.sequences.path=x" for part in MIXTURES["robotics"]] if name == "paper" else []
     given += ["root=x"] if name in ("released", "recipe_search") else []
-    given += ["data.path=x", f"teacher={checkpoint}"] if name == "distill" else []
+    given += ["data.path=x"] if name in ("covariance", "distill") else []
+    given += [f"teacher={checkpoint}"] if name == "distill" else []
     config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}", *given)
     OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     if config.compare is not None:

@@ -1,5 +1,6 @@
 import contextlib
 import csv
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import cv2
@@ -62,6 +63,19 @@ def test_csv_reads_back_exactly(tmp_path):
     for column, expected in (("x", POINTS.xy[:, 0]), ("y", POINTS.xy[:, 1]), ("score", POINTS.score)):
         np.testing.assert_array_equal(np.array([row[column] for row in rows], np.float32), expected)
     np.testing.assert_array_equal(np.array([row["scale"] for row in rows], np.float32), POINTS.scale)
+
+
+def test_covariances_are_written_with_the_points_that_have_them(tmp_path):
+    covariance = np.array([[[0.1, -1 / 3], [-1 / 3, 4]], [[9, 0.5], [0.5, 0.25]]], np.float32)
+    points = replace(POINTS, covariance=covariance)
+    for writer in (NpzWriter(tmp_path), CsvWriter(tmp_path / "points.csv")):
+        writer.write(frame(), points)
+        writer.close()
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npz")["covariances"], covariance)
+    with (tmp_path / "points.csv").open(newline="") as handle:
+        rows = list(csv.DictReader(handle))
+    read = np.array([[row["xx"], row["xy"], row["yy"]] for row in rows], np.float32)
+    np.testing.assert_array_equal(read, covariance[:, [0, 0, 1], [0, 1, 1]])
 
 
 def test_a_table_without_points_has_its_head(tmp_path):

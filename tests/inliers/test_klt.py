@@ -132,3 +132,16 @@ def test_protocol_tells_the_thresholds():
     assert KltInliers(KltTracker(max_roundtrip=0.5)).protocol["max_roundtrip"] == 0.5
     assert check.independent
     assert check.uses_frames
+
+
+def test_residuals_lead_from_the_matched_point_to_the_end_of_the_track(short_flight):
+    pair = read_pair(short_flight, 0, 9)
+    start = np.array([[80, 60], [70, 50], [2, 2]], float)
+    off = np.array([[1.5, 0.0], [0.0, -1.0], [0.0, 0.0]])
+    goal = apply_homography(pair.homography, start) + off
+    everything = match([0, 1, 2], [0, 1, 2])
+    residual = KltInliers()(pair, keypoints(start), keypoints(goal), everything).residual
+    np.testing.assert_allclose(residual[:2, 0], -off[:2], atol=0.3)
+    back = apply_homography(np.linalg.inv(pair.homography), goal) - start
+    np.testing.assert_allclose(residual[:2, 1], back[:2], atol=0.3)
+    assert np.isnan(residual[2]).all()  # lost

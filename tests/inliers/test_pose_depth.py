@@ -244,3 +244,12 @@ def test_the_matcher_that_is_given_tells_the_depth(partner, disparity, expected)
     check = PoseDepthInliers(stereo=Constant(disparity))
     assert reasons(pair, keypoints([[30, 20]]), keypoints([[20, 20]]), check) == [expected]
     assert check.protocol["stereo"] == {"of": "a test"}
+
+
+def test_residuals_lead_from_the_matched_point_to_where_the_point_moves():
+    """The far wall moves 5 px to the left; a depth that is not known leaves its direction unknown."""
+    inliers = judge(pair_with(depth(EDGE0), None), keypoints([[80, 20]]), keypoints([[74, 22]]))
+    np.testing.assert_allclose(inliers.residual[0, 0], [1, -2], atol=1e-4)
+    assert np.isnan(inliers.residual[0, 1]).all()
+    back = judge(BOTH, keypoints([[80, 20]]), keypoints([[74, 22]])).residual[0, 1]
+    np.testing.assert_allclose(back, [-1, 2], atol=1e-4)

@@ -16,7 +16,8 @@ from sips_lit.train.module import SipsModule
 def make_module(**options) -> SipsModule:
     torch.manual_seed(0)
     optimizer = partial(torch.optim.Adam, lr=1e-2)
-    return SipsModule(ScoreNetwork(3, 4), PointSelector(3), **{"optimizer": optimizer, "points": 40, **options})
+    options = {"network": ScoreNetwork(3, 4), "optimizer": optimizer, "points": 40, **options}
+    return SipsModule(selector=PointSelector(3), **options)
 
 
 def make_data(tmp_path, sequence=None, **options) -> PairDataModule:

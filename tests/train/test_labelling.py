@@ -171,6 +171,11 @@ def test_points_of_smaller_images_are_judged_where_they_are_in_their_frames(chec
     assert (labels0.inlier == even).sum() >= 28
     assert (labels1.inlier == labels0.inlier).all()
     assert (inliers.index0 == np.flatnonzero(labels0.inlier)).all()
+    if isinstance(check, KltInliers):
+        found0, found1 = (labels.residual[labels.inlier] for labels in (labels0, labels1))
+        assert np.isnan(labels0.residual[~labels0.inlier]).all()
+        np.testing.assert_allclose(np.median(found0, 0), [-0.3 / 1.25, -0.4 / 1.25], atol=0.05)  # pixels of image 1
+        np.testing.assert_allclose(np.median(found1, 0), [0.3 / 2, 0.4 / 2], atol=0.05)  # of image 0
 
 
 def test_keypoints_in_the_frame_of_a_smaller_image():
