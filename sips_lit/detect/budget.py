@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,16 +91,31 @@ def smallest_budget(
     """
     points, difficulty = len(probability), recalibration.difficulty
     if recalibration.log_n == 0:
-        enough = enough_inliers_together(probability, k, difficulty) >= confidence
-        return int(enough.argmax()) if enough.any() else None
+        # most images need few of their points, so only as many are looked at, then twice as many, and so on
+        for seen in _doubling(2 * k, points):
+            enough = enough_inliers_together(probability[:seen], k, difficulty) >= confidence
+            if enough.any():
+                return int(enough.argmax())
+        return None
 
     def is_enough(n: int) -> bool:  # with n, as each point's probability does
         kept = recalibration.moved(np.asarray(probability[:n], np.float32), points, n)
         return bool(enough_inliers_together(kept, k, difficulty)[-1] >= confidence)
 
-    if not is_enough(points):
-        return None
-    return bisect_left(range(points), True, key=is_enough)
+    too_few = 0
+    for seen in _doubling(2 * k, points):
+        if is_enough(seen):
+            return bisect_left(range(seen), True, too_few, key=is_enough)
+        too_few = seen
+    return None
+
+
+def _doubling(first: int, most: int) -> Iterator[int]:
+    """``first``, twice that, ..., ``most``."""
+    while first < most:
+        yield first
+        first *= 2
+    yield most
 
 
 def enough_inliers_together(probability: FloatArray, k: int, difficulty: float) -> NDArray[np.float64]:

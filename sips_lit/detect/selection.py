@@ -94,7 +94,7 @@ class PointSelector:
         self, logits: Tensor, index: int, size: tuple[int, int], keep: int | None
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Points (N, 2) in full resolution, logits (N,) and places (N, 3) = (level, row, column) of one level."""
-        if not bool(torch.isfinite(logits).all()):
+        if not bool(torch.isfinite(torch.stack(logits.aminmax())).all()):  # either is NaN where a value is
             raise BadInputError(
                 "the score network gives values that are not finite: its weights are broken (a damaged file or a diverged "
                 "training); use another checkpoint, or train with a lower learning rate"

@@ -62,6 +62,30 @@ def test_smallest_budget_is_enough_and_one_less_is_not(probability: list[float],
         assert tail[n] >= confidence > tail[n - 1]
 
 
+def plain_budget(probability: np.ndarray, k: int, confidence: float, recalibration: Recalibration) -> int | None:
+    """The first of all numbers of points that is enough, one after the other."""
+    for n in range(len(probability) + 1):
+        kept = recalibration.moved(probability[:n], len(probability), n)
+        if enough_inliers_together(kept, k, recalibration.difficulty)[-1] >= confidence:
+            return n
+    return None
+
+
+@given(
+    st.lists(st.floats(0.0, 1.0, width=32), max_size=40),
+    st.integers(1, 6),
+    st.floats(0.05, 0.99),
+    st.sampled_from([0.0, 0.3]),
+    st.sampled_from([0.0, 1.0]),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_search_by_doubling_finds_the_first_number(points, k, confidence, log_n, difficulty):
+    probability = np.sort(np.array(points, np.float32))[::-1]
+    recalibration = Recalibration(log_n=log_n, difficulty=difficulty)
+    found = smallest_budget(probability, k, confidence, recalibration)
+    assert found == plain_budget(probability, k, confidence, recalibration)
+
+
 def test_certain_points_need_exactly_k() -> None:
     assert smallest_budget(np.ones(20), 10, 0.999) == 10
     assert smallest_budget(np.ones(9), 10, 0.5) is None

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from sips_lit.detect.peaks import local_maxima, quadratic_offsets
+from sips_lit.detect.peaks import _maxima_on_device, local_maxima, quadratic_offsets
 
 
 def window(scores: np.ndarray, row: int, column: int, radius: int) -> list[tuple[int, int]]:
@@ -60,6 +60,37 @@ def test_as_defined_pixel_by_pixel(scores, radius):
     assert kept == brute_force(scores, radius)
     for i, a in enumerate(kept):
         assert all(max(abs(a[0] - b[0]), abs(a[1] - b[1])) > radius for b in kept[:i])
+
+
+def on_device(scores: np.ndarray, radius: int) -> list[tuple[int, int]]:
+    """What a GPU does, here on the CPU."""
+    places = _maxima_on_device(torch.from_numpy(scores), radius).tolist()
+    return [divmod(place, scores.shape[1]) for place in places]
+
+
+@given(
+    st.one_of(
+        arrays(np.float32, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=FEW_VALUES),
+        arrays(np.float32, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.floats(-9, 9, width=16)),
+    ),
+    st.integers(0, 6),
+)
+@settings(max_examples=100, deadline=None)
+def test_the_same_on_every_device(scores, radius):
+    assert found(scores, radius) == on_device(scores, radius)
+
+
+@pytest.mark.parametrize("levels", [3, 40, 10**6])
+def test_the_same_on_every_device_of_a_large_map(levels):
+    scores = np.random.default_rng(levels).integers(0, levels, (240, 321)).astype(np.float32)
+    assert found(scores, 5) == on_device(scores, 5)
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float64])
+def test_other_types_of_numbers(dtype):
+    scores = torch.from_numpy(np.random.default_rng(0).permutation(12 * 17).reshape(12, 17)).to(dtype).T
+    rows, columns = local_maxima(scores, 2)
+    assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == brute_force(scores.double().numpy(), 2)
 
 
 @pytest.mark.parametrize("radius", [0, 1, 5, 8])
