@@ -19,6 +19,8 @@ from omegaconf import OmegaConf
 from tabulate import tabulate
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from sips_lit.callbacks.cards import card_of
+
 KIND, SEED = "held_out", "seed"
 
 
@@ -39,9 +41,10 @@ def read_runs(sweep: Path, scalar: str) -> list[JudgedRun]:
         pairs = [str(override).split("=", 1) for override in OmegaConf.load(overrides)]
         given = {pair[0]: pair[-1] for pair in pairs}
         events = EventAccumulator(str(folder)).Reload()
-        if scalar in events.Tags()["scalars"]:
+        tag = card_of(scalar).tag
+        if tag in events.Tags()["scalars"]:
             recipe = tuple(f"{name}={value}" for name, value in given.items() if name not in (KIND, SEED))
-            runs.append(JudgedRun(recipe, given[KIND].strip("[]"), events.Scalars(scalar)[-1].value))
+            runs.append(JudgedRun(recipe, given[KIND].strip("[]"), events.Scalars(tag)[-1].value))
     return runs
 
 

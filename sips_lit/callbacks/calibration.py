@@ -7,7 +7,7 @@ from typing import Any
 import lightning as L
 import torch
 
-from sips_lit.callbacks.tensorboard import writer_of
+from sips_lit.callbacks.tensorboard import show
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.metrics.calibration import Calibration
 from sips_lit.render.reliability import draw_reliability
@@ -42,6 +42,4 @@ class CalibrationValidation(L.Callback):
         result = self.metric.result()
         scalars = {"val/ece": result.ece, "val/mce": result.mce, "val/brier": result.brier}
         pl_module.log_dict({name: torch.tensor(value) for name, value in scalars.items()}, rank_zero_only=True)
-        writer = writer_of(trainer)
-        if writer is not None:
-            writer.add_figure("validation/reliability", draw_reliability(result), trainer.global_step)
+        show(trainer, "val/reliability", draw_reliability(result))

@@ -7,7 +7,7 @@ from typing import Any
 import lightning as L
 import torch
 
-from sips_lit.callbacks.tensorboard import writer_of
+from sips_lit.callbacks.tensorboard import show
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.metrics.covariance import CovarianceCalibration
 from sips_lit.render.covariance import draw_covariance_reliability
@@ -44,7 +44,4 @@ class CovarianceValidation(L.Callback):
         scalars = {"error": result.error, "scale": result.scale, "nll": result.nll}
         named = {f"val/covariance_{name}": torch.tensor(value) for name, value in scalars.items()}
         pl_module.log_dict(named, rank_zero_only=True)
-        writer = writer_of(trainer)
-        if writer is not None:
-            figure = draw_covariance_reliability({"validation": result})
-            writer.add_figure("validation/covariance", figure, trainer.global_step)
+        show(trainer, "val/covariance", draw_covariance_reliability({"validation": result}))

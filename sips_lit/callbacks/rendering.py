@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import lightning as L
 
-from sips_lit.callbacks.tensorboard import writer_of
+from sips_lit.callbacks.tensorboard import show
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import score_map
 from sips_lit.files import make_folder, write_whole
@@ -38,11 +38,10 @@ class MatchPictures(L.Callback):
         assert isinstance(network, ScoreNetwork)
         pair, best0, best1 = outputs.pair, outputs.features0.best(self.n), outputs.features1.best(self.n)
         matches, inliers = outputs.at(self.n)
-        maps = [score_map(network, image, device=pl_module.device) for image in (pair.image0, pair.image1)]
-        picture = draw_matches(pair.image0, pair.image1, best0.keypoints, best1.keypoints, matches, inliers, *maps)
-        writer = writer_of(trainer)
-        if writer is not None:
-            writer.add_image(f"matches/{batch_idx}", picture, trainer.global_step, dataformats="HWC")
+        sides = pair.image0, pair.image1, best0.keypoints, best1.keypoints
+        map0, map1 = (score_map(network, image, device=pl_module.device) for image in (pair.image0, pair.image1))
+        picture = draw_matches(*sides, matches, inliers, map0, map1, pair.name)
+        show(trainer, f"val/pair_{batch_idx}", picture)
         if self.folder is not None:
             make_folder(self.folder)
             png = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1]

@@ -7,7 +7,7 @@ from typing import Any
 import lightning as L
 import torch
 
-from sips_lit.callbacks.tensorboard import writer_of
+from sips_lit.callbacks.tensorboard import show
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.metrics.succinctness import Succinctness
 from sips_lit.render.curves import draw_succinctness
@@ -49,6 +49,4 @@ class SuccinctnessValidation(L.Callback):
         present = {name: torch.tensor(float(value)) for name, value in scalars.items() if value is not None}
         pl_module.log_dict(present, rank_zero_only=True)
         pl_module.log("auc", result.auc, prog_bar=True, logger=False, rank_zero_only=True)
-        writer = writer_of(trainer)
-        if writer is not None:
-            writer.add_figure("validation/succinctness", draw_succinctness("SIPs", result), trainer.global_step)
+        show(trainer, "val/curve", draw_succinctness("SIPs", result))

@@ -14,27 +14,26 @@ import lightning as L
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from lightning.pytorch.callbacks import ProgressBar
-from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities.seed import isolate_rng
 from omegaconf import DictConfig, OmegaConf
-from torch.utils.tensorboard.summary import hparams
 
 from sips_lit.callbacks.continuation import Continuation
 from sips_lit.callbacks.fine_tuning import FineTuning
 from sips_lit.callbacks.prospects import Prospects
+from sips_lit.callbacks.tensorboard import TensorBoard
 from sips_lit.cli.app import build, run
 from sips_lit.cli.benchmark import benchmark
 from sips_lit.cli.evaluation import make_pair_sets
 from sips_lit.cli.explain import explain
 from sips_lit.cli.methods import make_methods
-from sips_lit.cli.resuming import find_start, flat, record_of
+from sips_lit.cli.resuming import find_start, record_of
+from sips_lit.cli.run_settings import settings_of
 from sips_lit.detect.checkpoint import export_safetensors, start_from
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.score_module import ScoreModule
 from sips_lit.train.validation_data import ValidationDataModule
 
 AUC = "val/succinctness_auc"
-RUN_METRIC = "best_succinctness_auc"
 
 
 def train(config: DictConfig) -> float:
@@ -66,11 +65,11 @@ def train(config: DictConfig) -> float:
         if start is not None:
             finished = ": the run is finished" if start.step == trainer.max_steps else ""
             print(f"going on from {start.path}, step {start.step} of {trainer.max_steps}{finished}", flush=True)
-    log_settings(trainer, config)
+    for logger in trainer.loggers if trainer.is_global_zero else ():
+        if isinstance(logger, TensorBoard):
+            logger.log_settings(settings_of(config, data))
     trainer.fit(module, data, ckpt_path=None if start is None else start.path)
     best, auc = _best(trainer)
-    for logger in trainer.loggers if math.isfinite(auc) else ():
-        logger.log_metrics({RUN_METRIC: auc}, trainer.global_step)
     if not trainer.is_global_zero:
         return auc
     if trainer.global_step < trainer.max_steps:
@@ -136,20 +135,6 @@ def check_comparison(config: DictConfig, module: ScoreModule) -> None:
             if sentence is None:
                 raise
             raise BadInputError(f"compare: {sentence}") from error
-
-
-def log_settings(trainer: L.Trainer, config: DictConfig) -> None:
-    """The settings of the run for TensorBoard's table of runs, with the metric that compares them."""
-    parts = {key: OmegaConf.to_container(config[key], resolve=True) for key in ("model", "optim", "augment")}
-    settings = {name: value for name, value in flat(parts) if not name.endswith(("_target_", "_partial_"))}
-    settings |= {"seed": config.seed, "points": config.module.points, "overlap": config.datamodule.overlap}
-    settings = {name: value if isinstance(value, int | float | str) else str(value) for name, value in settings.items()}
-    for logger in trainer.loggers:
-        if isinstance(logger, TensorBoardLogger) and trainer.is_global_zero:
-            logger.log_hyperparams(settings)
-            # the table's row as the logger makes it, but without a value of the metric: there is none before a validation
-            for summary in hparams(settings, {RUN_METRIC: None}):  # type: ignore[no-untyped-call]
-                logger.experiment.file_writer.add_summary(summary)
 
 
 def pairs_between_validations(trainer: DictConfig) -> int:

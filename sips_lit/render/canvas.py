@@ -17,6 +17,9 @@ Colour = tuple[int, int, int]
 
 BLACK: Final[Colour] = (0, 0, 0)
 WHITE: Final[Colour] = (255, 255, 255)
+DARK: Final = 110
+"""Luma of colours that black does not set off."""
+_FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 _SHIFT: Final = 4  # OpenCV takes positions in sixteenths of a pixel
 
 
@@ -53,20 +56,32 @@ def draw_ring(
     region[:] = np.rint(region + cover * (np.array(colour) - region))
 
 
-def draw_point(picture: Picture, centre: FloatArray, radius: float, probability: float, colour: Colour) -> None:
-    """A circle as thick as the point is probable, with a dark rim that keeps it visible on any ground."""
-    thickness = 0.75 + 2.5 * float(np.clip(probability, 0, 1))
-    draw_ring(picture, centre, radius, thickness + 2, BLACK, opacity=0.55)
+def draw_point(
+    picture: Picture, centre: FloatArray, radius: float, probability: float, colour: Colour, scale: float = 1.0
+) -> None:
+    """A circle as thick as the point is probable, on a wider rim of the opposite tone: one of them shows on any ground.
+
+    ``scale`` multiplies the thickness, for pictures that are shown smaller than they are.
+    """
+    thickness = (1.0 + 2.5 * float(np.clip(probability, 0, 1))) * scale
+    draw_ring(picture, centre, radius, thickness + 2 * scale, opposite(colour))
     draw_ring(picture, centre, radius, thickness, colour)
+
+
+def opposite(colour: Colour) -> Colour:
+    """Black under bright colours, white under dark ones."""
+    red, green, blue = colour
+    return BLACK if 0.299 * red + 0.587 * green + 0.114 * blue > DARK else WHITE  # luma (ITU-R BT.601)
 
 
 def draw_lines(
     picture: Picture, starts: FloatArray, ends: FloatArray, colour: Colour, opacity: float, thickness: int = 1
 ) -> None:
     """Straight lines from ``starts`` (M, 2) to ``ends`` (M, 2), each seen through the ones above it."""
+    reach = 2 + thickness
     for start, end in zip(_sixteenths(starts), _sixteenths(ends), strict=True):
-        left, top = np.maximum(np.minimum(start, end) // 2**_SHIFT - 2, 0)
-        right, bottom = np.maximum(start, end) // 2**_SHIFT + 3
+        left, top = np.maximum(np.minimum(start, end) // 2**_SHIFT - reach, 0)
+        right, bottom = np.maximum(start, end) // 2**_SHIFT + reach + 1
         region = picture[top:bottom, left:right]
         line = np.zeros(region.shape[:2], np.uint8)
         corner = np.array([left, top]) * 2**_SHIFT
@@ -83,12 +98,15 @@ def _sixteenths(points: FloatArray) -> NDArray[np.int64]:
 
 def draw_text(picture: Picture, text: str, left: int, baseline: int, size: float, colour: Colour = WHITE) -> int:
     """Text of about ``size`` pixels from its left end on its baseline; returns the x where it ends."""
-    font, scale = cv2.FONT_HERSHEY_SIMPLEX, size / 22
-    cv2.putText(picture, text, (left, baseline), font, scale, colour, 1, cv2.LINE_AA)
+    cv2.putText(picture, text, (left, baseline), _FONT, size / 22, colour, _stroke(size), cv2.LINE_AA)
     return left + text_width(text, size)
 
 
 def text_width(text: str, size: float) -> int:
     """How many pixels wide `draw_text` makes it."""
-    (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size / 22, 1)
+    (width, _), _ = cv2.getTextSize(text, _FONT, size / 22, _stroke(size))
     return int(width)
+
+
+def _stroke(size: float) -> int:
+    return max(1, round(size / 16))

@@ -7,17 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.render.canvas import (
-    Colour,
-    Picture,
-    draw_lines,
-    draw_point,
-    draw_ring,
-    draw_text,
-    probability_colours,
-    text_width,
-    to_picture,
-)
+from sips_lit.render.canvas import BLACK, Colour, Picture, draw_lines, draw_point, probability_colours, to_picture
+from sips_lit.render.caption import GROUND, caption, probability_key, ring_key, words
 from sips_lit.render.points import RADIUS
 from sips_lit.types import FloatArray, Inliers, Keypoints, Matches, Reason
 
@@ -29,8 +20,11 @@ COLOURS: Final[dict[Reason, Colour]] = {
     Reason.FAR: (226, 94, 0),
     Reason.UNKNOWN: (240, 228, 66),
 }
-_GROUND: Final = 24  # grey level around the panels
 _GAP: Final = 6
+_TEXT, _LEAST_TEXT = 18, 11  # pixels, of text in a picture of full size, and in small ones
+_AT_FULL_SIZE: Final = 640
+"""Pixels of a picture's width up to which it is taken to be shown as it is; a wider one is shown smaller, as TensorBoard
+does, so its overlays and its text grow with it."""
 
 
 def draw_matches(
@@ -42,11 +36,13 @@ def draw_matches(
     inliers: Inliers,
     score_map0: FloatArray | None = None,
     score_map1: FloatArray | None = None,
+    name: str = "",
 ) -> Picture:
     """Both images side by side, beneath them their score maps (probabilities, as large as the image): RGB uint8.
 
     Each point is a circle as thick as its probability in the colour of its `Reason`; lines join inlier matches. The
-    caption counts. The images may differ in size, and either score map may be missing.
+    caption has the ``name`` of the pair if it is given, counts, and tells what colours mean. The images may differ in size,
+    and either score map may be missing.
     """
     rows: list[tuple[Picture | None, Picture | None]] = [(to_picture(image0), to_picture(image1))]
     maps = [None if scores is None else probability_colours(scores) for scores in (score_map0, score_map1)]
@@ -54,12 +50,13 @@ def draw_matches(
         rows.append((maps[0], maps[1]))
     height, left1 = max(image0.shape[0], image1.shape[0]), image0.shape[1] + _GAP
     width = left1 + image1.shape[1]
+    scale = max(1.0, width / _AT_FULL_SIZE)
     reasons0 = _point_reasons(matches.index0, inliers.reason, inliers.known0)
     reasons1 = _point_reasons(matches.index1, inliers.reason, inliers.known1)
 
     panels: list[Picture] = []
     for picture0, picture1 in rows:
-        row: Picture = np.full((height, width, 3), _GROUND, np.uint8)
+        row: Picture = np.full((height, width, 3), GROUND, np.uint8)
         sides = (
             (picture0, row[:, : left1 - _GAP], keypoints0, reasons0),
             (picture1, row[:, left1:], keypoints1, reasons1),
@@ -70,14 +67,21 @@ def draw_matches(
         if not panels:
             ends0 = keypoints0.xy[matches.index0[inliers.inlier]]
             ends1 = keypoints1.xy[matches.index1[inliers.inlier]] + np.array([left1, 0], np.float32)
-            draw_lines(row, ends0, ends1, COLOURS[Reason.INLIER], opacity=0.6)
+            draw_lines(row, ends0, ends1, BLACK, opacity=0.35, thickness=int(scale) + 2)
+            draw_lines(row, ends0, ends1, COLOURS[Reason.INLIER], opacity=0.7, thickness=int(scale))
         for picture, side, keypoints, reasons in sides:
             if picture is not None:
-                _draw_side(side, keypoints, reasons)
-        panels += [row, np.full((_GAP, width, 3), _GROUND, np.uint8)]
+                _draw_side(side, keypoints, reasons, scale)
+        panels += [row, np.full((_GAP, width, 3), GROUND, np.uint8)]
     points = f"{len(keypoints0)}" if len(keypoints0) == len(keypoints1) else f"{len(keypoints0)} + {len(keypoints1)}"
     summary = f"{points} points, {len(matches)} matches, {int(inliers.inlier.sum())} inliers"
-    panels.append(_caption(summary, np.concatenate([reasons0, reasons1]), width))
+    size = max(_LEAST_TEXT, round(_TEXT * width / _AT_FULL_SIZE))
+    present = [reason for reason in COLOURS if np.any(np.concatenate([reasons0, reasons1]) == reason)]
+    pieces = [words(name, size)] if name else []
+    pieces += [words(summary, size), *(ring_key(reason.name.lower(), COLOURS[reason], size) for reason in present)]
+    if len(rows) > 1:
+        pieces.append(probability_key("P(inlier)", size))
+    panels.append(caption(pieces, width))
     return np.concatenate(panels)
 
 
@@ -90,24 +94,8 @@ def _point_reasons(
     return reasons
 
 
-def _draw_side(panel: Picture, keypoints: Keypoints, reasons: NDArray[np.uint8]) -> None:
+def _draw_side(panel: Picture, keypoints: Keypoints, reasons: NDArray[np.uint8], scale: float) -> None:
     """The points of one image, inliers on top of the others and better points on top of worse ones."""
     for index in np.lexsort((-np.arange(len(keypoints)), reasons == Reason.INLIER)):
-        radius = RADIUS * float(keypoints.scale[index])
-        draw_point(panel, keypoints.xy[index], radius, float(keypoints.score[index]), COLOURS[Reason(reasons[index])])
-
-
-def _caption(summary: str, reasons: NDArray[np.uint8], width: int) -> Picture:
-    """A line of text and, as far as there is room, which colour means what."""
-    size, margin = 15, 10
-    strip: Picture = np.full((size + 2 * margin, width, 3), _GROUND, np.uint8)
-    baseline = size + margin - 2
-    left = draw_text(strip, summary, margin, baseline, size) + 3 * margin
-    for reason, colour in COLOURS.items():
-        name = reason.name.lower()
-        if not np.any(reasons == reason) or left + text_width(name, size) + 2 * margin > width:
-            continue
-        centre = np.array([left, baseline - size / 3])
-        draw_ring(strip, centre, 4, 3, colour)
-        left = draw_text(strip, name, left + margin, baseline, size, colour) + 2 * margin
-    return strip
+        radius, score = RADIUS * scale * float(keypoints.scale[index]), float(keypoints.score[index])
+        draw_point(panel, keypoints.xy[index], radius, score, COLOURS[Reason(reasons[index])], scale)

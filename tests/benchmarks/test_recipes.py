@@ -4,6 +4,8 @@ from pathlib import Path
 import pytest
 from torch.utils.tensorboard import SummaryWriter
 
+from sips_lit.callbacks.cards import card_of
+
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "recipes.py"))
 read_runs, table = SCRIPT["read_runs"], SCRIPT["table"]
 
@@ -15,7 +17,7 @@ def ended(sweep: Path, number: int, overrides: list[str], values: list[float]) -
     (folder / ".hydra" / "overrides.yaml").write_text("".join(f"- {o!r}\n" for o in overrides))
     with SummaryWriter(folder) as writer:
         for step, value in enumerate(values):
-            writer.add_scalar("val/succinctness_auc", value, step)
+            writer.add_scalar(card_of("val/succinctness_auc").tag, value, step)
 
 
 def test_a_row_for_each_recipe_and_a_column_for_each_kind(tmp_path):

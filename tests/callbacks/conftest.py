@@ -1,11 +1,14 @@
+import numpy as np
 import pytest
-from validation_pairs import Writer
+
+Shown = list[tuple[str, int, np.ndarray]]
 
 
 @pytest.fixture
-def writer(monkeypatch: pytest.MonkeyPatch) -> Writer:
-    """The writer that callbacks find."""
-    writer = Writer()
+def shown(monkeypatch: pytest.MonkeyPatch) -> Shown:
+    """What callbacks show: name, step, picture or figure."""
+    shown: Shown = []
     for name in ("succinctness", "calibration", "covariance", "rendering"):
-        monkeypatch.setattr(f"sips_lit.callbacks.{name}.writer_of", lambda trainer: writer)
-    return writer
+        target = f"sips_lit.callbacks.{name}.show"
+        monkeypatch.setattr(target, lambda trainer, tag, picture: shown.append((tag, trainer.global_step, picture)))
+    return shown

@@ -23,26 +23,26 @@ def measured(deviation: float, claimed: float, good: int = 30, seed: int = 0) ->
     return replace(pair, features0=features[0], features1=features[1], verifier=replace(verifier, inliers=inliers))
 
 
-def test_residuals_as_large_as_claimed(writer):
+def test_residuals_as_large_as_claimed(shown):
     callback = CovarianceValidation()
     logged = validate(callback, *(measured(0.5, 0.25, seed=seed) for seed in range(20))).logged
     assert logged["val/covariance_scale"] == pytest.approx(1, abs=0.1)
     assert logged["val/covariance_error"] < 0.03
     assert callback.metric.result().residuals == 20 * 2 * 30
-    assert writer.figures == [("validation/covariance", 12)]
+    assert [(name, step) for name, step, _ in shown] == [("val/covariance", 12)]
 
 
-def test_claims_that_are_too_small(writer):
+def test_claims_that_are_too_small(shown):
     logged = validate(CovarianceValidation(), *(measured(1.0, 0.25, seed=seed) for seed in range(20))).logged
     assert logged["val/covariance_scale"] == pytest.approx(4, abs=0.4)
     assert logged["val/covariance_error"] > 0.2
 
 
-def test_only_inliers_count(writer):
+def test_only_inliers_count(shown):
     callback = CovarianceValidation()
     validate(callback, measured(0.5, 0.25, good=12))
     assert callback.metric.result().residuals == 2 * 12
 
 
-def test_points_without_covariances(writer):
+def test_points_without_covariances(shown):
     assert np.isnan(validate(CovarianceValidation(), verified(30)).logged["val/covariance_error"])

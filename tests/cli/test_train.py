@@ -13,6 +13,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from textured_scenes import flight, texture
 from tiny_runs import CrashAt, StopAt, assert_equal_weights, config_of, run_it, scalars, target, weights
 
+from sips_lit.callbacks.cards import card_of
 from sips_lit.cli.train import make_callbacks
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError, TrainingInterrupted
@@ -52,14 +53,12 @@ def whole(tmp_path_factory, frames) -> tuple[Path, float]:
 def test_a_run_leaves_checkpoints_scalars_figures_and_pictures(whole):
     run, auc = whole
     assert 0 <= auc <= 1
-    events = EventAccumulator(str(run), {"images": 0}).Reload()
-    tags = events.Tags()
+    logged, events = scalars(run), EventAccumulator(str(run), {"images": 0}).Reload()
     for name in ("val/succinctness_auc", "val/failure_rate", "val/ece", "val/mce", "val/brier"):
-        assert [e.step for e in events.Scalars(name)] == [2, 5, 7]
-    assert max(e.value for e in events.Scalars("val/succinctness_auc")) == pytest.approx(auc)
-    assert {"validation/succinctness", "validation/reliability", "matches/0"} <= set(tags["images"])
-    for name in ("validation/succinctness", "validation/reliability", "matches/0"):
-        assert [e.step for e in events.Images(name)] == [3, 6, 8]
+        assert [step for step, _ in logged[name]] == [2, 5, 7]
+    assert max(value for _, value in logged["val/succinctness_auc"]) == pytest.approx(auc)
+    for name in ("val/curve", "val/reliability", "val/pair_0"):
+        assert [e.step for e in events.Images(card_of(name).tag)] == [3, 6, 8]
     picture = cv2.imread(str(run / "pictures" / "matches_0.png"))
     assert picture.shape[1] >= 2 * 128
     assert picture.std() > 10
@@ -87,14 +86,32 @@ def test_the_learning_rate_is_logged_once_per_step(tmp_path, frames, accumulate,
     assert [value for _, value in logged] == pytest.approx(cosine if scheduler else [1e-3] * 4, rel=1e-5)
 
 
-def test_the_table_of_runs_has_the_settings_and_the_best_auc_once(whole):
+def test_every_tag_has_a_description_and_a_group_by_use(whole):
+    """Its kind, too: TensorBoard's server drops the description of a value whose kind it has to find out."""
+    events = EventAccumulator(str(whole[0])).Reload()
+    for kind in ("scalars", "images"):
+        assert len(events.Tags()[kind]) >= 3
+        for tag in events.Tags()[kind]:
+            told = events.summary_metadata[tag]
+            assert len(told.summary_description.split()) >= 5, tag
+            assert (told.plugin_data.plugin_name, told.data_class > 0) == (kind, True), tag
+    groups = {tag.partition("/")[0] for kind in ("scalars", "images") for tag in events.Tags()[kind]}
+    assert groups == {"1_val", "2_train", "3_labels", "5_run"}
+    assert "custom_scalars__config__" in events.summary_metadata
+
+
+def test_the_table_of_runs_has_the_settings_and_the_numbers_of_the_best_validation(whole):
     run, auc = whole
-    assert scalars(run)["best_succinctness_auc"] == [(8, pytest.approx(auc))]
+    logged = scalars(run)
+    assert logged["best/succinctness_auc"][-1][1] == pytest.approx(auc)
+    step = logged["best/succinctness_auc"][-1][0]
+    assert dict(logged["best/ece"])[step] == dict(logged["val/ece"])[step - 1]
     events = EventAccumulator(str(run)).Reload()
     assert "_hparams_/session_start_info" in str(events.summary_metadata)
     told = events.summary_metadata["_hparams_/session_start_info"].plugin_data.content
-    assert b"optim.optimizer.lr" in told
-    assert b"best_succinctness_auc" in events.summary_metadata["_hparams_/experiment"].plugin_data.content
+    for setting in (b"data", b"KltInliers", b"ranking 30", b"depth 3, width 4", b"optim.optimizer.lr"):
+        assert setting in told
+    assert b"best AUC" in events.summary_metadata["_hparams_/experiment"].plugin_data.content
 
 
 @pytest.mark.parametrize(("labelling", "loading"), [(3, 0), (1, 2)])

@@ -13,9 +13,8 @@ import pytest
 import torch
 from cli_runs import TINY, write_frames
 from forked_commands import ForkedCommand
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from textured_scenes import flight, texture
-from tiny_runs import weights
+from tiny_runs import scalars, weights
 
 
 def given(frames, *more: str) -> list[str]:
@@ -475,8 +474,7 @@ def test_a_scene_without_texture(command, tmp_path):
 
 def validated(run) -> dict[str, float]:
     """The numbers of the one validation of a run."""
-    events = EventAccumulator(str(run)).Reload()
-    return {tag: events.Scalars(tag)[-1].value for tag in events.Tags()["scalars"] if tag.startswith("val/")}
+    return {name: values[-1][1] for name, values in scalars(run).items() if name.startswith("val/")}
 
 
 @pytest.mark.slow

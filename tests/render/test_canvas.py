@@ -15,6 +15,7 @@ from sips_lit.render.canvas import (
     text_width,
     to_picture,
 )
+from sips_lit.render.matches import COLOURS
 
 RED, GREEN = (255, 0, 0), (0, 255, 0)
 INK = 220  # OpenCV's smooth lines are not quite opaque
@@ -115,6 +116,24 @@ def test_the_rim_is_darker_than_the_ground():
     draw_point(picture, np.array([30, 20]), 9, 0.0, WHITE)
     assert picture[:, :, 0].min() < 110
     assert picture[20, 39, 0] > 220
+
+
+@pytest.mark.parametrize("colour", [*COLOURS.values(), *map(tuple, probability_colours(np.linspace(0, 1, 9)).tolist())])
+@pytest.mark.parametrize("ground", [0, 40, 128, 215, 255])
+@pytest.mark.parametrize("probability", [0.0, 1.0])
+def test_a_point_shows_on_dark_and_on_bright_ground(colour, ground, probability):
+    """Its line or its rim differs from the ground by a ratio of 3 (WCAG's of graphics); white on middle grey has but 3.9."""
+    picture = np.full((40, 60, 3), ground, np.uint8)
+    draw_point(picture, np.array([30, 20]), 9, probability, colour)
+    drawn, behind = luminance(picture[20, 36:44]), luminance(np.full(3, ground))
+    assert max((np.maximum(drawn, behind) + 0.05) / (np.minimum(drawn, behind) + 0.05)) >= (2.5 if ground == 128 else 3)
+
+
+def luminance(colours: np.ndarray) -> np.ndarray:
+    """Relative luminance of sRGB colours (..., 3) by WCAG's definition."""
+    part = colours / 255
+    linear = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
+    return linear @ np.array([0.2126, 0.7152, 0.0722])
 
 
 def test_lines_join_their_ends_and_nothing_else():

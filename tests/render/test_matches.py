@@ -44,7 +44,8 @@ def drawn(**maps: np.ndarray) -> np.ndarray:
 def test_both_images_side_by_side_and_a_caption():
     picture = drawn()
     assert picture.dtype == np.uint8
-    assert picture.shape == (HEIGHT + GAP + 35, 2 * WIDTH + GAP, 3)
+    assert picture.shape[1:] == (2 * WIDTH + GAP, 3)
+    assert picture.shape[0] > HEIGHT + GAP + 20
     assert np.all(picture[2, 2] == GREY)
     assert np.all(picture[2, LEFT1 + 2] == GREY)
     assert np.ptp(picture[HEIGHT + GAP :]) > 100  # there is text
@@ -72,10 +73,10 @@ def test_lines_join_inliers_only():
     middle = picture[:HEIGHT, 60:80].astype(int)
     assert np.all(middle[15] != GREY)
     assert np.all(middle[15].argmax(axis=1) == 1)  # green
-    middle[13:18] = GREY
+    middle[12:19] = GREY
     assert np.all(middle == GREY)
     across_the_gap = picture[:HEIGHT, WIDTH : WIDTH + GAP]
-    assert set(np.flatnonzero(np.any(across_the_gap != across_the_gap[0, 0], axis=(1, 2)))) <= {14, 15, 16}
+    assert set(np.flatnonzero(np.any(across_the_gap != across_the_gap[0, 0], axis=(1, 2)))) <= set(range(12, 19))
 
 
 def test_matches_join_the_points_that_they_name():
@@ -105,7 +106,7 @@ def test_lines_end_at_their_points():
 def test_score_maps_lie_beneath():
     low, high = np.full((HEIGHT, WIDTH), 0.1, np.float32), np.full((HEIGHT, WIDTH), 0.9, np.float32)
     picture = drawn(score_map0=low, score_map1=high)
-    assert picture.shape[0] == 2 * (HEIGHT + GAP) + 35
+    assert picture.shape[0] > 2 * (HEIGHT + GAP) + 20
     top = HEIGHT + GAP
     np.testing.assert_array_equal(picture[top + 2, 60], probability_colours(np.array(0.1)))
     np.testing.assert_array_equal(picture[top + 2, LEFT1 + 60], probability_colours(np.array(0.9)))
@@ -128,7 +129,8 @@ def test_images_of_different_sizes():
     picture = draw_matches(
         image(50, 200), image(110, 70), sure([[100, 25]]), sure([[35, 100]]), matches, inliers, scores0, scores1
     )
-    assert picture.shape == (2 * (110 + GAP) + 35, 200 + GAP + 70, 3)
+    assert picture.shape[0] > 2 * (110 + GAP)
+    assert picture.shape[1] == 200 + GAP + 70
     assert np.all(picture[49, 199] == GREY)
     assert np.all(picture[80, 100] < GREY)  # beneath the smaller image
     assert tuple(picture[100, 206 + 35 + REACH]) == COLOURS[Reason.INLIER]
@@ -152,7 +154,7 @@ def test_images_of_one_pixel_and_points_on_the_border():
     matches, inliers = judged(2, 2, [(0, 0, Reason.INLIER), (1, 1, Reason.FAR)])
     points = sure([[0, 0], [-3, 500]])
     picture = draw_matches(image(1, 1), image(1, 1), points, points, matches, inliers, np.zeros((1, 1)))
-    assert picture.shape == (2 * (1 + GAP) + 35, 2 + GAP, 3)
+    assert picture.shape[1] == 2 + GAP
 
 
 def test_inputs_stay_as_they_are_and_threads_draw_the_same():
@@ -161,3 +163,41 @@ def test_inputs_stay_as_they_are_and_threads_draw_the_same():
     for picture in in_threads(lambda: draw_matches(grey, grey, POINTS0, POINTS1, MATCHES, INLIERS)):
         np.testing.assert_array_equal(picture, expected)
     assert np.all(grey == GREY)
+
+
+def caption(picture: np.ndarray) -> np.ndarray:
+    return picture[HEIGHT + GAP :]
+
+
+def test_the_caption_has_the_name_of_the_pair():
+    captions = [
+        caption(draw_matches(image(), image(), POINTS0, POINTS1, MATCHES, INLIERS, name=name))
+        for name in ("", "street:3-9", "street:3-8")
+    ]
+    assert captions[1].shape == captions[2].shape
+    assert not np.array_equal(captions[1], captions[2])
+    assert captions[0].shape[0] <= captions[1].shape[0]
+
+
+def test_the_caption_tells_the_colours_that_are_in_the_picture():
+    picture = caption(drawn())
+    found = {reason for reason, colour in COLOURS.items() if np.any(np.all(picture == colour, axis=2))}
+    assert found == set(REASONS)
+    bar = caption(drawn(score_map0=np.zeros((HEIGHT, WIDTH))))[HEIGHT + GAP :]
+    for probability in (0.0, 0.5, 1.0):
+        nearest = np.abs(bar.astype(int) - probability_colours(np.array(probability))).max(axis=2).min()
+        assert nearest <= 6, probability
+
+
+def test_text_and_overlays_grow_with_a_picture_that_is_shown_smaller():
+    """As tall as 10 pixels where the picture is 400 wide, and circles of a visible line."""
+    for width in (160, 640, 1280):
+        wide = np.full((90, width), GREY, np.uint8)
+        points = sure([[50, 45]])
+        picture = draw_matches(wide, wide, points, points, *judged(1, 1, []), name="H")
+        text = np.flatnonzero(picture[90 + GAP :, : round(0.04 * 2 * width)].max(axis=(1, 2)) > 150)
+        rows = np.split(text, np.flatnonzero(np.diff(text) > 1) + 1)[0]
+        ink = int(np.sum(np.all(picture[45, :width] == COLOURS[Reason.UNMATCHED], axis=1)))
+        shown = min(1.0, 400 / picture.shape[1])
+        assert len(rows) * shown >= 5.5, width  # a capital is some 0.7 of the size
+        assert ink * shown >= 2, width

@@ -11,6 +11,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig, open_dict
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from sips_lit.callbacks.cards import CARDS
 from sips_lit.callbacks.guard import GracefulStop
 from sips_lit.cli.app import register_resolvers
 from sips_lit.cli.conf_files import CONF_DIR
@@ -48,8 +49,19 @@ def assert_equal_weights(a: Path, b: Path, name: str = "last") -> None:
 
 
 def scalars(run: Path) -> dict[str, list[tuple[int, float]]]:
+    """What TensorBoard has of a run, (step, value) by the name that was logged."""
     events = EventAccumulator(str(run)).Reload()
-    return {tag: [(e.step, e.value) for e in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
+    return {logged_name(tag): [(e.step, e.value) for e in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
+
+
+def logged_name(tag: str) -> str:
+    """The name whose card has a tag."""
+    (found,) = (
+        (name, card)
+        for name, card in CARDS.items()
+        if tag == card.tag or (tag.startswith(card.tag) and name[-1] in "/-_")
+    )
+    return found[0] + tag.removeprefix(found[1].tag)
 
 
 class StopAt(L.Callback):

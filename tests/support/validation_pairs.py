@@ -34,19 +34,6 @@ class Module:
         self.logged |= {name: float(value) for name, value in values.items()}
 
 
-class Writer:
-    """A TensorBoard writer that keeps what it is given."""
-
-    def __init__(self) -> None:
-        self.figures, self.images = [], []
-
-    def add_figure(self, tag: str, figure: Any, step: int) -> None:
-        self.figures.append((tag, step))
-
-    def add_image(self, tag: str, image: np.ndarray, step: int, dataformats: str) -> None:
-        self.images.append((tag, step, image.shape, dataformats))
-
-
 def verified(good: int, n: int = N, seed: int = 0, scale: float = 1.0) -> VerifiedPair:
     """A pair whose first ``good`` points correspond and match, and whose other matches are wrong."""
     pair = read_pair(flight(4, size=(120, 90), seed=seed), 0, 3)

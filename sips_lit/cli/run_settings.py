@@ -1,0 +1,41 @@
+"""The settings of a run as TensorBoard's table of runs has them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from omegaconf import DictConfig, OmegaConf
+
+from sips_lit.cli.resuming import flat
+from sips_lit.train.validation_data import ValidationDataModule
+
+NAMED: Final = 3
+"""Sequences or sources that are named."""
+
+
+def settings_of(config: DictConfig, data: ValidationDataModule) -> dict[str, int | float | str]:
+    """What tells runs apart in TensorBoard's table of them, which sorts by name and shows the first five columns."""
+    sources = [source.name for source in data.sources]
+    names = sources if len(sources) > 1 else [sequence.name for sequence in data.sources[0].sequences]
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    plain: Any = OmegaConf.to_container(config, resolve=True)
+    module = {name: value for name, value in plain["module"].items() if not isinstance(value, dict | None)}
+    weights = {name: value for name, value in module.items() if isinstance(value, int | float) and name != "points"}
+    settings: dict[str, Any] = {
+        "data": ", ".join(names[:NAMED]) + more,
+        "inliers": _class_name(plain["inliers"]),
+        "loss": ", ".join(f"{name} {value:g}" for name, value in weights.items()),
+        "model": ", ".join(f"{name} {plain['model'][name]}" for name in ("depth", "width")),
+        "seed": config.seed,
+    }
+    pairs = {name: plain["datamodule"].get(name) for name in ("overlap", "spread", "budgets", "between")}
+    pairs |= {"descriptor": _class_name(plain["descriptor"]), "inliers": plain["inliers"]}
+    optim = {**plain["optim"], "init": config.init}
+    groups = {"model": plain["model"], "module": module, "optim": optim, "pairs": pairs}
+    settings |= flat({**groups, "training": {"augment": plain["augment"]}})
+    told = {name: value for name, value in settings.items() if not name.endswith(("_target_", "_partial_"))}
+    return {name: value if isinstance(value, int | float | str) else str(value) for name, value in told.items()}
+
+
+def _class_name(node: Any) -> str:
+    return str(node["_target_"]).rpartition(".")[2]
