@@ -15,15 +15,18 @@ from sips_lit.cli.app import build, run, typed
 from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.evaluation import make_pair_sets
 from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint, require_finite
+from sips_lit.detect.covariance import scale_covariances
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.fit_recalibration import fit_recalibration
 from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
+from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.method import Method, signature_of
 from sips_lit.evaluate.recalibrate import (
     JudgedPair,
     Split,
     calibration_at,
+    covariance_at,
     coverage_of,
     groups_of,
     judge_pairs,
@@ -73,13 +76,33 @@ def calibrate(config: DictConfig) -> float:
     detector = SipsDetector(network, replace(selector, subpixel=True, recalibration=AS_TRAINED))
     fitted_to, held = measure_parts(config, options, detector, folder)
     recalibration = fit_recalibration(groups_of(fitted_to))
+    rescaling = rescale(network, fitted_to, held)
     make_folder(output.parent)
     written = export_safetensors(network, replace(selector, recalibration=recalibration), output)
     print(f"\nfitted to {len(fitted_to)} pairs: {in_words(recalibration)}")
     written += report(held, recalibration, folder)
+    print(rescaling, end="")
     print("\nwrote:\n" + "\n".join(f"  {file}" for file in written))
     errors = [calibration_at(one.pairs, n, recalibration).ece for one in held for n in one.budgets]
     return sum(errors) / len(errors)
+
+
+def rescale(network: ScoreNetwork, fitted_to: Sequence[JudgedPair], held: Sequence[HeldBack]) -> str:
+    """Multiplies the covariances of a network by the factor that residuals of the pairs ask for; what that did, in words.
+
+    Nothing is done, nor said, where the network has no covariances or the pairs tell no residuals.
+    """
+    found = covariance_at(fitted_to)
+    if found is None or not found.residuals:
+        return ""
+    scale_covariances(network, found.scale)
+    lines = [f"\ncovariances are multiplied by {found.scale:.2f}; on pairs held back:"]
+    for one in held:
+        before, after = covariance_at(one.pairs), covariance_at(one.pairs, found.scale)
+        if before is not None and after is not None:
+            errors = f"error {before.error:.3f} before, {after.error:.3f} after"
+            lines.append(f"  {one.title}: {errors}; needed factor {before.scale:.2f}, then {after.scale:.2f}")
+    return "\n".join(lines) + "\n"
 
 
 def output_path(options: CalibrateOptions) -> Path:

@@ -111,14 +111,15 @@ def image_key(image: GreyImage) -> str:
 def _as_bytes(entry: ImageFeatures) -> bytes:
     content, f = io.BytesIO(), entry.features
     about = {"norm": f.norm, "defects": asdict(entry.defects), "milliseconds": entry.milliseconds}
-    np.savez(
-        content,
-        xy=f.keypoints.xy,
-        score=f.keypoints.score,
-        scale=f.keypoints.scale,
-        descriptors=f.descriptors,
-        about=np.array(json.dumps(about)),
-    )
+    arrays: dict[str, Any] = {
+        "xy": f.keypoints.xy,
+        "score": f.keypoints.score,
+        "scale": f.keypoints.scale,
+        "descriptors": f.descriptors,
+    }
+    if f.keypoints.covariance is not None:
+        arrays["covariance"] = f.keypoints.covariance
+    np.savez(content, about=np.array(json.dumps(about)), **arrays)
     return content.getvalue()
 
 
@@ -126,7 +127,7 @@ def _load(path: Path) -> ImageFeatures | None:
     try:
         with np.load(path, allow_pickle=False) as stored:
             about: dict[str, Any] = json.loads(str(stored["about"]))
-            keypoints = Keypoints(stored["xy"], stored["score"], stored["scale"])
+            keypoints = Keypoints(stored["xy"], stored["score"], stored["scale"], None, stored.get("covariance"))
             features = Features(keypoints, stored["descriptors"], about["norm"])
             if not len(keypoints.xy) == len(keypoints.score) == len(keypoints.scale) == len(features.descriptors):
                 return None

@@ -20,7 +20,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ from sips_lit.evaluate.result import AtBudget, PoseOutcome
 from sips_lit.geometry.pose import rotation_error, translation_error
 from sips_lit.geometry.projection import posed_views
 from sips_lit.geometry.stereo import StereoMatcher
-from sips_lit.inliers.stereo_p3p import PreparedStereoP3P, StereoP3PInliers
+from sips_lit.inliers.stereo_p3p import PoseWeights, PreparedStereoP3P, StereoP3PInliers
 from sips_lit.inliers.verification import VerifiedPair, verify, verify_judged
 from sips_lit.matching.mutual_nearest import distances, mutual_nearest_lifetimes
 from sips_lit.metrics.repeatability import MovedPoints, Repeated, move_points, repeated
@@ -51,16 +51,20 @@ class PoseErrors(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PairPose:
-    """Estimates the pose of a pair by P3P in RANSAC, ``estimator``, and compares it with the true ``T_1_0``."""
+    """Estimates the pose of a pair by P3P in RANSAC, ``estimator``, and compares it with the true ``T_1_0``.
+
+    ``weights``: of its inliers, when it is refined on them.
+    """
 
     estimator: PreparedStereoP3P
     T_1_0: FloatArray
+    weights: PoseWeights = "none"
 
     def errors(self, matches: Matches, repeat: int, least: int = 0) -> PoseErrors:
         """How far the pose of the matches is from the true one; infinitely without a pose of ``least`` inliers."""
         if self.estimator.usable(matches) < 4:
             return PoseErrors(math.inf, math.inf, PoseOutcome.FEW_MATCHES)
-        estimate = self.estimator.estimate(matches, repeat)
+        estimate = self.estimator.refined(self.estimator.estimate(matches, repeat), matches, self.weights)
         if estimate.T_1_0 is None:
             return PoseErrors(math.inf, math.inf, PoseOutcome.NO_AGREEMENT)
         if estimate.inliers < least:
@@ -70,11 +74,15 @@ class PairPose:
 
 
 def pair_pose(
-    pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, check: StereoP3PInliers
+    pair: FramePair,
+    keypoints0: Keypoints,
+    keypoints1: Keypoints,
+    check: StereoP3PInliers,
+    weights: PoseWeights = "none",
 ) -> PairPose | None:
     """What estimates the pose of a pair; None where the true one is not known, or nothing tells the depth of any point."""
     posed = posed_views(pair)
-    return None if posed is None else PairPose(check.prepare(pair, keypoints0, keypoints1), posed[2])
+    return None if posed is None else PairPose(check.prepare(pair, keypoints0, keypoints1), posed[2], weights)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +90,7 @@ class PairMeasurement:
     """Of a pair: ``n_k``, of all and of judged points, and pose errors (R, K), inf = failure; per budget; per stage.
 
     ``unknown`` (): share of the points of both images whose truth is not known. ``outcomes`` of points: scores, inlier or
-    not.
+    not. ``residuals`` by budget, of points that have covariances: see `VerifiedPair.residuals`.
     """
 
     n_k: FloatArray
@@ -93,6 +101,7 @@ class PairMeasurement:
     budgets: Mapping[int, AtBudget]
     outcomes: Mapping[int, tuple[NDArray[np.float32], NDArray[np.bool_]]]
     milliseconds: Mapping[str, float]
+    residuals: Mapping[int, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
 
 
 def measure_pair(
@@ -119,7 +128,7 @@ def measure_pair(
     pose = None
     if m.pose:
         estimator = StereoP3PInliers(m.pose_threshold, m.iterations, m.seed, stereo)
-        pose = pair_pose(pair, features0.keypoints, features1.keypoints, estimator)
+        pose = pair_pose(pair, features0.keypoints, features1.keypoints, estimator, m.pose_weights)
     return measure(verified, pose, m, scores, stereo, milliseconds, judged, best)
 
 
@@ -150,8 +159,10 @@ def measure(
         points = max(map(len, keypoints))
         budgets = {n: _at_budget(verified, pose, moved, n, m) for n in m.every_n if ordered or n >= points}
         outcomes = {n: verified.outcomes(n, best) for n in m.calibration} if scores == "probability" else {}
+        residuals = {n: found for n in budgets if (found := verified.residuals(n)) is not None}
     unknown = _unknown_share(verified, judged, m.n_max)
-    return PairMeasurement(n_k, n_k_judged, unknown, rotation, translation, budgets, outcomes, milliseconds)
+    errors = rotation, translation
+    return PairMeasurement(n_k, n_k_judged, unknown, *errors, budgets, outcomes, milliseconds, residuals)
 
 
 def _points_needed(verified: VerifiedPair, m: Measures, ordered: bool) -> FloatArray:

@@ -8,6 +8,7 @@ from numbers import Integral, Real
 from typing import Any, get_args
 
 from sips_lit.errors import BadInputError
+from sips_lit.inliers.stereo_p3p import PoseWeights
 from sips_lit.inliers.verification import Search
 from sips_lit.types import ScoreKind
 
@@ -30,7 +31,8 @@ class Measures:
     count; ``n``: points at which the rest is measured, and more such numbers, ``budgets``; ``search``: see `verify`;
     ``repeats`` of checks that are random; ``calibration``: budgets for it (probabilities only); ``pose``: whether poses are
     estimated, by RANSAC of ``iterations``, with inliers within ``pose_threshold`` pixels, a pose at a budget counting
-    from ``pose_inliers`` on; pose AUC up to ``translation_limit`` (metres) and ``rotation_limit`` (degrees);
+    from ``pose_inliers`` on; ``pose_weights``: those of its inliers when it is refined on them (see
+    `PreparedStereoP3P.refined`); pose AUC up to ``translation_limit`` (metres) and ``rotation_limit`` (degrees);
     ``threshold`` (pixels) of repeatability; ``cells`` a side of the grid for the spread.
     Raises BadInputError for what can't be measured.
     """
@@ -47,6 +49,7 @@ class Measures:
     iterations: int = 3000
     pose_threshold: float = 3.0
     pose_inliers: int = 10
+    pose_weights: PoseWeights = "none"
     translation_limit: float = 1.0
     rotation_limit: float = 1.0
     threshold: float = 3.0
@@ -71,6 +74,8 @@ class Measures:
             raise BadInputError(f"calibration is {list(self.calibration)}: give numbers of points from 1")
         if self.search not in get_args(Search):
             raise BadInputError(f"search is {self.search}: give {', '.join(get_args(Search))}")
+        if self.pose_weights not in get_args(PoseWeights):
+            raise BadInputError(f"pose_weights is {self.pose_weights}: give {', '.join(get_args(PoseWeights))}")
         for name in ("repeats", "iterations", "cells"):
             if getattr(self, name) < 1:
                 raise BadInputError(f"{name} is {getattr(self, name)}: give at least 1")

@@ -22,6 +22,8 @@ from sips_lit.evaluate.pair_set import PairSet
 from sips_lit.evaluate.runner import Frame, extract_all, measure_depths, side_by_side
 from sips_lit.inliers.verification import VerifiedPair, verify, verify_judged
 from sips_lit.metrics.calibration import CalibrationResult, bin_sums, summarise
+from sips_lit.metrics.covariance import CovarianceReliability, reliability_sums
+from sips_lit.metrics.covariance import summarise as covariance_reliability
 from sips_lit.metrics.coverage import Coverage, coverage
 
 ASKED: Final = (0.5, 0.7, 0.8, 0.9, 0.95)
@@ -34,12 +36,14 @@ class JudgedPair:
     """What a pair tells about its points, those left out whose truth is not known at any budget.
 
     ``logits``: the network's, best first, of both images; ``groups``: of both images, by budget; ``inliers`` (n_max + 1,)
-    among the n best points of both images.
+    among the n best points of both images; ``residuals`` of the inlier matches at the largest budget, with the covariances
+    that the points claim, if they do: see `VerifiedPair.residuals`.
     """
 
     logits: tuple[Floats, Floats]
     groups: Mapping[int, tuple[PointGroup, PointGroup]]
     inliers: NDArray[np.int64]
+    residuals: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +114,7 @@ def judged_pair(verified: VerifiedPair, budgets: Sequence[int], n_max: int) -> J
         )
         groups[n] = (of0, of1)
     inliers = np.array([verified.at(n).inlier_count for n in range(n_max + 1)], np.int64)
-    return JudgedPair((logits0, logits1), groups, inliers)
+    return JudgedPair((logits0, logits1), groups, inliers, verified.residuals(max(budgets)))
 
 
 def groups_of(pairs: Sequence[JudgedPair]) -> list[PointGroup]:
@@ -125,6 +129,15 @@ def calibration_at(pairs: Sequence[JudgedPair], n: int, recalibration: Recalibra
         for group in pair.groups[n]:
             sums += bin_sums(group.probability(recalibration), group.inlier, BINS)
     return summarise(sums)
+
+
+def covariance_at(pairs: Sequence[JudgedPair], factor: float = 1.0) -> CovarianceReliability | None:
+    """Reliability of covariances that are multiplied by ``factor``; None where no pair has residuals or no point has one."""
+    sums = [
+        reliability_sums(residual, factor * claimed, BINS)
+        for residual, claimed in (pair.residuals for pair in pairs if pair.residuals is not None)
+    ]
+    return covariance_reliability(np.sum(sums, 0)) if sums else None
 
 
 def coverage_of(

@@ -7,7 +7,7 @@ what does not apply (pose errors where the pose is not known) is NaN.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.metrics.calibration import CalibrationResult
+from sips_lit.metrics.covariance import CovarianceReliability
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -82,6 +83,7 @@ class MethodResult:
     alone whose truth is known; ``unknown`` (P,): share of the others, NaN without points. ``rotation_error`` and
     ``translation_error`` (P, R, K): of the pose from the matches at n_k. ``points0`` and ``points1`` (P,): points found when
     ``n_max`` were asked for. ``budgets``: by n. ``calibration``: by n, for detectors whose scores are probabilities.
+    ``covariance``: by n, for detectors that tell the covariance of places, where residuals are measured.
     ``milliseconds``: mean time of each stage (detect, describe and depth: per image, when its features were made; match,
     verify, metrics: per pair). ``defects``: counts of what was wrong with the detector's output. ``protocol``: how all this
     was obtained.
@@ -104,6 +106,7 @@ class MethodResult:
     calibration: Mapping[int, CalibrationResult]
     milliseconds: Mapping[str, float]
     defects: Mapping[str, int]
+    covariance: Mapping[int, CovarianceReliability] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ from sips_lit.frames.source import Source, as_sources
 from sips_lit.geometry.projection import frame_view
 from sips_lit.geometry.stereo import StereoMatcher
 from sips_lit.metrics.calibration import Calibration, CalibrationResult
+from sips_lit.metrics.covariance import CovarianceCalibration, CovarianceReliability
 from sips_lit.pairs.choice import choose_pairs
 from sips_lit.progress import progress
 from sips_lit.types import Descriptor, Detector, ImageSequence, InlierCheck
@@ -186,6 +187,7 @@ def summarise(
         calibration={n: _calibration(measured, n) for n in measures.calibration if n in measured[0].outcomes},
         milliseconds=_mean_times([*(f.milliseconds for f in features.values()), *(m.milliseconds for m in measured)]),
         defects=asdict(sum((entry.defects for entry in features.values()), Defects())),
+        covariance={n: _covariance(measured, n) for n in measures.every_n if any(n in m.residuals for m in measured)},
     )
 
 
@@ -216,6 +218,13 @@ def _calibration(measured: Sequence[PairMeasurement], n: int) -> CalibrationResu
     calibration = Calibration(20)
     for scores, inlier in (m.outcomes[n] for m in measured):
         calibration.update(torch.from_numpy(scores), torch.from_numpy(inlier))
+    return calibration.result()
+
+
+def _covariance(measured: Sequence[PairMeasurement], n: int) -> CovarianceReliability:
+    calibration = CovarianceCalibration(20)
+    for residual, claimed in (m.residuals[n] for m in measured if n in m.residuals):
+        calibration.update(residual, claimed)
     return calibration.result()
 
 

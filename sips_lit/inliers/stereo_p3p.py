@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,12 @@ from sips_lit.geometry.pnp import ESTIMATOR, p3p_ransac
 from sips_lit.geometry.pose import PoseEstimate
 from sips_lit.geometry.projection import back_project, views
 from sips_lit.geometry.stereo import StereoMatcher
+from sips_lit.geometry.weighted_pose import refine_pose
 from sips_lit.inliers.point_labels import symmetric
-from sips_lit.types import Camera, DisparityMatcher, FramePair, Inliers, Keypoints, Matches, Reason
+from sips_lit.types import Camera, DisparityMatcher, FloatArray, FramePair, Inliers, Keypoints, Matches, Reason
+
+PoseWeights = Literal["none", "equal", "covariance"]
+"""How the inliers weigh in the refinement of a pose: none refines nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +61,7 @@ class StereoP3PInliers:
                 "inliers=stereo_p3p needs: use data that has them (kitti, euroc, rgbd, posed_depth) or choose inliers=klt"
             )
         side0, side1 = (
-            _Side(k.xy, back_project(k.xy, v.depth_of(k, self.stereo), v.camera), v.camera, v.has_depth)
+            _Side(k.xy, back_project(k.xy, v.depth_of(k, self.stereo), v.camera), v.camera, v.has_depth, k.covariance)
             for v, k in zip(both, (keypoints0, keypoints1), strict=True)
         )
         return PreparedStereoP3P(self, (pair.index0, pair.index1), (side0, side1))
@@ -69,12 +73,13 @@ class StereoP3PInliers:
 
 @dataclass(frozen=True, slots=True)
 class _Side:
-    """The N points of one image: pixels (N, 2), points in space (N, 3) with NaN where unknown, camera."""
+    """The N points of one image: pixels (N, 2), in space (N, 3) with NaN where unknown, camera, covariance of the pixels."""
 
     xy: NDArray[np.float32]
     points: NDArray[np.float64]
     camera: Camera
     has_depth: bool
+    covariance: NDArray[np.float32] | None
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -114,10 +119,29 @@ class PreparedStereoP3P:
         T_1_0 = None if backward.T_1_0 is None else np.linalg.inv(backward.T_1_0).astype(np.float64)
         return PoseEstimate(T_1_0, backward.inlier)
 
+    def refined(self, estimate: PoseEstimate, matches: Matches, weights: PoseWeights) -> PoseEstimate:
+        """An estimate of these M matches, refined on those that agree with it; as it is with ``weights`` none.
+
+        With ``covariance`` each match weighs by the sum of the covariances of both its pixels (the depth counts as exact,
+        and the motion between the images as a shift), with ``equal``, or without covariances, all weigh the same.
+        """
+        if weights == "none" or estimate.T_1_0 is None:
+            return estimate
+        way = 0 if self.sides[0].has_depth else 1
+        start, goal = self.sides[way], self.sides[1 - way]
+        index_start, index_goal = _from_to(way, matches)
+        index_start, index_goal = index_start[estimate.inlier], index_goal[estimate.inlier]
+        claimed: FloatArray = np.broadcast_to(np.eye(2), (len(index_start), 2, 2))
+        if weights == "covariance" and start.covariance is not None and goal.covariance is not None:
+            claimed = start.covariance[index_start] + goal.covariance[index_goal]
+        given = estimate.T_1_0 if way == 0 else np.linalg.inv(estimate.T_1_0)
+        refined = refine_pose(given, start.points[index_start], goal.xy[index_goal], claimed, goal.camera)
+        return replace(estimate, T_1_0=refined if way == 0 else np.linalg.inv(refined).astype(np.float64))
+
     def _one_way(self, way: int, matches: Matches, repeat: int) -> PoseEstimate:
         """Pose of the other camera in the frame of image ``way`` (0, 1); a match without depth there is no inlier."""
         start, goal = self.sides[way], self.sides[1 - way]
-        index_start, index_goal = (matches.index0, matches.index1) if way == 0 else (matches.index1, matches.index0)
+        index_start, index_goal = _from_to(way, matches)
         has_depth = np.flatnonzero(start.known[index_start])
         # a number that is never 0 comes last: numpy ignores trailing zeros of a seed
         generator = np.random.default_rng([self.check.seed + repeat, *self.indices, len(matches), way + 1])
@@ -132,6 +156,11 @@ class PreparedStereoP3P:
         inlier = np.zeros(len(matches), np.bool_)
         inlier[has_depth] = estimate.inlier
         return PoseEstimate(estimate.T_1_0, inlier)
+
+
+def _from_to(way: int, matches: Matches) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The matched points in image ``way`` and in the other."""
+    return (matches.index0, matches.index1) if way == 0 else (matches.index1, matches.index0)
 
 
 def _reasons(estimate: PoseEstimate, known: NDArray[np.bool_]) -> NDArray[np.uint8]:

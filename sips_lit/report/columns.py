@@ -65,7 +65,7 @@ def columns_of(methods: Sequence[MethodResult]) -> list[Column]:
     if any(unknown_share(method) > 0 for method in methods):
         columns += _judged(main_k(first), first.n_max)
     columns += [] if n is None else [*_pose(n, *pose_limits(first)), *_at_n(n)]
-    columns += [*map(_ece, budgets), _points(first.n_max), *map(_stage, stages)]
+    columns += [*map(_ece, budgets), *(() if n is None else _covariance(n)), _points(first.n_max), *map(_stage, stages)]
     return [column for column in columns if not all(math.isnan(column.value(method)) for method in methods)]
 
 
@@ -201,6 +201,19 @@ def _ece(n: int) -> Column:
         return method.calibration[n].ece if n in method.calibration else math.nan
 
     return Column(f"ece_{n}", f"ECE at {n}", definition, 3, -1, ece)
+
+
+def _covariance(n: int) -> Iterator[Column]:
+    def of(method: MethodResult, name: str) -> float:
+        return float(getattr(method.covariance[n], name)) if n in method.covariance else math.nan
+
+    definition = (
+        f"Of the inlier matches of the {n} best points: mean distance, over probabilities p, between p and the share of "
+        "residuals within the ellipses of probability p. Only for detectors that tell covariances of places."
+    )
+    yield Column("covariance_error", f"covariance error at {n}", definition, 3, -1, lambda method: of(method, "error"))
+    definition = "The factor that those covariances need, by maximum likelihood: above 1 they are too small."
+    yield Column("covariance_scale", f"needed factor at {n}", definition, 2, 0, lambda method: of(method, "scale"))
 
 
 def _points(n_max: int) -> Column:

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sips_lit.evaluate.result import MethodResult, PairSetResult
+from sips_lit.render.covariance import draw_covariance_reliability
 from sips_lit.render.curves import draw_against_k, draw_pose_curves, draw_succinctness_curves
 from sips_lit.render.pose_difference import draw_pose_differences
 from sips_lit.render.reliability import draw_calibrations
@@ -55,6 +56,8 @@ def charts(result: PairSetResult, styles: Styles, legend: bool = True) -> Iterat
         yield from _pose(methods, styles, legend, error, limit)
     for n in sorted({n for method in methods for n in method.calibration}):
         yield _calibration(methods, styles, legend, n)
+    for n in sorted({n for method in methods for n in method.covariance}):
+        yield _covariance(methods, n)
     if not np.isnan(methods[0].pairs.translation).all():
         yield _pose_differences(methods)
 
@@ -112,6 +115,15 @@ def _calibration(methods: Methods, styles: Styles, legend: bool, n: int) -> Char
         "bins, above the number of points in each bin. On the diagonal a probability means what it says."
     )
     return Chart(f"calibration_{n}", f"Calibration at {n} points", caption, draw_calibrations(found, styles, legend))
+
+
+def _covariance(methods: Methods, n: int) -> Chart:
+    found = {method.name: method.covariance[n] for method in methods if n in method.covariance}
+    caption = (
+        f"Of the inlier matches of the {n} best points: the share of residuals within the ellipses of each probability. On "
+        "the diagonal the covariances of places are right, below it too small."
+    )
+    return Chart(f"covariance_{n}", f"Covariances at {n} points", caption, draw_covariance_reliability(found))
 
 
 def _pose_differences(methods: Methods) -> Chart:

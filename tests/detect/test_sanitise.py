@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -84,6 +86,16 @@ def test_a_descriptor_that_is_not_finite_is_invalid():
     features = Features(points((1, 1, 1, 1), (2, 2, 0.5, 1)), np.array([[NAN, 0], [1, 0]], np.float32), "l2")
     cleaned, defects = sanitise(features, SHAPE, 2)
     assert len(cleaned) == defects.invalid == 1
+
+
+def test_covariances_stay_with_their_points_and_are_checked():
+    given = points((9, 2, 0.1, 1), (5, 2, 0.9, 1), (7, 1, 0.5, 1))
+    covariance = np.stack([np.eye(2) * factor for factor in (1, 2, NAN)]).astype(np.float32)
+    cleaned, defects = sanitise(replace(given, covariance=covariance), SHAPE, 3)
+    np.testing.assert_array_equal(cleaned.covariance, covariance[[1, 0]])
+    assert defects.invalid == 1
+    with pytest.raises(BadInputError, match=r"covariances of shape \(2, 2, 2\) for 3 points"):
+        sanitise(replace(given, covariance=covariance[:2]), SHAPE, 3)
 
 
 def test_ties_by_row_then_column():

@@ -3,11 +3,14 @@ import dataclasses
 import numpy as np
 import pytest
 from textured_scenes import keypoints, texture
+from tiny_network import tiny_network
 
 from sips_lit.baselines.shi_tomasi import ShiTomasi
 from sips_lit.baselines.sift import SiftDetector
 from sips_lit.describe.orb import OrbDescriptor
 from sips_lit.describe.sift import RootSift
+from sips_lit.detect.detector import SipsDetector
+from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import FeatureCache, extract, image_key
 from sips_lit.evaluate.method import Method
@@ -124,3 +127,11 @@ def test_a_folder_that_can_not_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BadInputError, match="cannot make the folder"):
         FeatureCache(tmp_path / "file", method(), 10)(KEY, lambda: IMAGE)
+
+
+def test_covariances_are_kept(tmp_path):
+    detector = SipsDetector(tiny_network(covariance=True), PointSelector())
+    cache = FeatureCache(tmp_path, method(detector), 10)
+    first, stored = cache(KEY, lambda: IMAGE), cache(KEY, never)
+    np.testing.assert_array_equal(first.features.keypoints.covariance, stored.features.keypoints.covariance)
+    assert stored.features.keypoints.covariance.shape == (10, 2, 2)

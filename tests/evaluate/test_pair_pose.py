@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,3 +84,41 @@ def test_repeats_have_samples_of_their_own():
     errors = [pose.errors(identity(len(GRID)), repeat)[1] for repeat in (0, 1, 2, 0)]
     assert len(set(errors[:3])) > 1
     assert errors[3] == errors[0]
+
+
+def unsure(points, sigma):
+    """Points that claim these standard deviations (N,) in all directions."""
+    return replace(
+        points, covariance=(np.asarray(sigma) ** 2)[:, None, None].astype(np.float32) * np.eye(2, dtype=np.float32)
+    )
+
+
+@pytest.mark.parametrize("stereo_in", [0, 1])
+def test_sure_points_weigh_more_in_a_refined_pose(stereo_in):
+    """Every third point is off by two pixels, and says that it may be; depth is known in one image or in the other."""
+    wall = Wall(4)
+    if stereo_in:
+        depth, nothing = wall.depth, np.full_like(wall.depth(0), np.nan)
+        wall.depth = lambda index: depth(index) if index else None
+        assert nothing.shape
+    pair, points0, points1 = scene(wall)
+    off = np.arange(len(GRID)) % 3 == 0
+    moved = points1.xy + np.where(off[:, None], [1.4, -1.4], [0, 0]).astype(np.float32)
+    sigma = np.where(off, 2.0, 0.05)
+    points0, points1 = unsure(points0, sigma), unsure(replace(points1, xy=moved), sigma)
+    errors = {
+        weights: pair_pose(pair, points0, points1, CHECK, weights).errors(identity(len(GRID)), 0)
+        for weights in ("none", "equal", "covariance")
+    }
+    assert errors["covariance"].translation < 0.01
+    assert errors["covariance"].rotation < 0.01
+    assert errors["equal"].translation > 0.02
+
+
+def test_points_without_covariances_weigh_the_same():
+    pair, points0, points1 = scene(Wall(4), 0.7)
+    equal, claimed = (
+        pair_pose(pair, points0, points1, CHECK, weights).errors(identity(len(GRID)), 0)
+        for weights in ("equal", "covariance")
+    )
+    assert equal == claimed

@@ -174,7 +174,7 @@ def test_results_json(result, folder):
     }
     for found, method in zip(methods, result.detectors, strict=True):
         expected = {"key": method.key, "name": method.name, "protocol": method.protocol, "n_max": N_MAX}
-        expected |= {"milliseconds": method.milliseconds, "defects": method.defects}
+        expected |= {"milliseconds": method.milliseconds, "defects": method.defects, "covariance": {}}
         fields = ("ks", "n_k", "n_k_judged", "unknown", "rotation_error", "translation_error", "points0", "points1")
         for field in fields:
             expected[field] = in_json(getattr(method, field))
