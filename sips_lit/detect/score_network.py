@@ -17,6 +17,7 @@ Gradient = Literal["patches", "dense"]
 
 # a damaged checkpoint may ask for any number
 MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR = 1000, 32, 16
+START_LOG_SIGMA = -1.0  # of an untrained covariance head: 0.37 pixels, about what sub-pixel points are off by
 COVARIANCE_NUMBERS = 3  # log sigma_x, log sigma_y, and the inverse hyperbolic tangent of their correlation
 
 
@@ -87,7 +88,8 @@ class ScoreNetwork(nn.Module):
         if covariance:  # made last: the other weights start as they do without it
             self.covariance_head = nn.Conv2d(widths[-2], COVARIANCE_NUMBERS, 3)
             nn.init.zeros_(self.covariance_head.weight)
-            nn.init.zeros_(cast(Tensor, self.covariance_head.bias))  # a standard deviation of a pixel everywhere
+            with torch.no_grad():
+                cast(Tensor, self.covariance_head.bias).copy_(torch.tensor([START_LOG_SIGMA, START_LOG_SIGMA, 0.0]))
         for parameter in self.parameters():
             if parameter.ndim == 4:  # channels last halves the time on a CPU
                 parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)

@@ -41,9 +41,9 @@ def test_any_numbers_give_a_covariance():
         assert values.min() > 0
 
 
-def test_an_untrained_head_is_sure_to_a_pixel():
+def test_an_untrained_head_is_as_sure_of_all_points():
     points = SipsDetector(tiny_network(covariance=True), PointSelector()).detect(IMAGE, 5)
-    np.testing.assert_array_equal(points.covariance, np.broadcast_to(np.eye(2), (5, 2, 2)))
+    np.testing.assert_allclose(points.covariance, np.broadcast_to(math.exp(-2) * np.eye(2), (5, 2, 2)), rtol=1e-6)
 
 
 @pytest.mark.parametrize("derivatives", [False, True])
@@ -80,7 +80,7 @@ def test_points_of_coarse_levels_are_less_sure():
     network = tiny_network(scales=3, scale_factor=2.0, covariance=True)
     points = SipsDetector(network, PointSelector()).detect(IMAGE, 60)
     assert set(points.scale) == {1, 2, 4}
-    np.testing.assert_allclose(points.covariance[:, 1, 1], points.scale**2)
+    np.testing.assert_allclose(points.covariance[:, 1, 1], points.scale**2 * math.exp(-2), rtol=1e-6)
 
 
 def test_only_the_head_gets_a_gradient():
