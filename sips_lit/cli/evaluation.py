@@ -17,6 +17,7 @@ import cv2
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from sips_lit.cli.app import build, typed
+from sips_lit.cli.data_names import name_of_data
 from sips_lit.detect.sanitise import Defects
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.measures import Measures
@@ -31,8 +32,10 @@ from sips_lit.inference.score_video import write_score_video
 from sips_lit.pairs.choice import choose_pairs, write_pair_file
 from sips_lit.report.columns import auc_of
 from sips_lit.report.files import write_report
+from sips_lit.report.intervals import Intervals, intervals
+from sips_lit.report.labels import labelled, refuse_unknown_labels
 from sips_lit.report.pair_pictures import PairPicture, draw_method_pictures
-from sips_lit.report.terminal import protocol_line, table
+from sips_lit.report.terminal import summary
 
 
 @dataclass
@@ -50,6 +53,7 @@ class Keys:
     pictures: bool
     video_frames: int
     workers: int
+    resamples: int
 
 
 CHOICE = ("kind", "pairs", "overlap", "overlap_below", "pairs_file", "seed")
@@ -68,16 +72,20 @@ def run_evaluation(
     Raises BadInputError when no method at all could be measured.
     """
     cv2.setNumThreads(-1)
+    labels = labels_of(config)
+    refuse_unknown_labels(labels, [(m.key, m.descriptor_name) for m in methods], skipped)
     results: list[PairSetResult] = []
+    estimates: dict[str, Intervals] = {}
     videos: list[Path] = []
     pictures: dict[tuple[str, str], Sequence[PairPicture]] = {}
     pair_sets = make_pair_sets(config, folder)
     cache = Path(config.features)
     for pairs, measures in pair_sets:
         measured = evaluate_pair_set(methods, pairs, measures, cache, config.workers, told({}))
-        result = replace(measured, skipped={**skipped, **measured.skipped})
+        result = labelled(replace(measured, skipped={**skipped, **measured.skipped}), labels)
         results.append(result)
-        print(f"\n{pairs.title}\n\n{table(result)}\n\n{protocol_line(result)}")
+        estimates[result.key] = intervals(result, config.resamples, measures.seed)
+        print(f"\n{summary(result, estimates[result.key], folder / 'summary.md')}")
         for method in result.detectors:
             mended = str(Defects(**method.defects))
             if mended:
@@ -89,9 +97,21 @@ def run_evaluation(
     if not any(result.detectors for result in results):
         reasons = "; ".join(sorted({reason for result in results for reason in result.skipped.values()}))
         raise BadInputError(f"no method could be measured: {reasons}")
-    written = write_report(folder, results, pictures, date.today().isoformat()) + videos
+    today = date.today().isoformat()
+    written = write_report(folder, results, pictures, today, intervals=estimates) + videos
     print("\nwrote:\n" + "\n".join(f"  {line}" for line in _listed(folder, written)))
     return results
+
+
+def labels_of(config: DictConfig) -> dict[str, str]:
+    """The key ``labels``. Raises BadInputError for anything but names of methods with labels."""
+    given: Any = {} if config.labels is None else config.labels
+    if not isinstance(given, Mapping) or not all(isinstance(label, str | int | float) for label in given.values()):
+        raise BadInputError(
+            f"labels is {given}: give names of methods with their labels, those with more than letters in double quotes, "
+            "and all of it in single ones: 'labels={sips: ours, sift: \"SIFT (OpenCV)\"}'"
+        )
+    return {str(key): str(label) for key, label in given.items()}
 
 
 def _listed(folder: Path, files: Sequence[Path]) -> list[str]:
@@ -128,7 +148,7 @@ def make_pair_sets(config: DictConfig, folder: Path) -> list[tuple[PairSet, Meas
         )
     entries: dict[str, Any] = {str(key): entry for key, entry in given.items() if entry is not None}
     if not entries:
-        entries = {"data": OmegaConf.create({})}
+        entries = {"": OmegaConf.create({})}
     cache = FrameCache()
     return [_pair_set(config, key, entry, folder, cache) for key, entry in entries.items()]
 
@@ -147,10 +167,9 @@ def _pair_set(
     measures, keys = _checked(value, key if config.pair_sets else None)
     choice: dict[str, Any] = {name: getattr(keys, name) for name in CHOICE}
     sources, inliers = as_sources(build(value("data"))), build(value("inliers"))
+    key, title = (key, str(entry.get("title", key))) if key else name_of_data(value("data"), sources)
     listed = choose_pairs(sources, config.paths.indexes, **choice, workers=keys.workers)
-    whole = PairSet(
-        sources, listed, inliers, cache, key, str(entry.get("title", key)), _in_words(choice), keys.refine_poses
-    )
+    whole = PairSet(sources, listed, inliers, cache, key, title, _in_words(choice), keys.refine_poses)
     pairs = whole.verifiable()
     write_pair_file(folder / safe_name(key) / "pairs.csv", pairs.sequences, listed)
     if pairs.left_out:

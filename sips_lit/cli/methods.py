@@ -17,7 +17,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 from sips_lit.cli.app import build
 from sips_lit.cli.explain import explain
 from sips_lit.errors import BadInputError
-from sips_lit.evaluate.method import Method, signature_of
+from sips_lit.evaluate.method import Method, checkpoint_of, signature_of
 from sips_lit.files import safe_name
 from sips_lit.types import Descriptor, Detector
 
@@ -106,11 +106,13 @@ def configured_method(config: DictConfig) -> Method:
 
 def _method(key: str, note: str, detector: Detector, descriptor: Descriptor | None, config: DictConfig) -> Method:
     plain, name = OmegaConf.to_container(config.detector, resolve=True), detector.name + note
+    assert isinstance(plain, dict)
+    checkpoint = checkpoint_of({str(name): value for name, value in plain.items()})
     if descriptor is None:
-        return Method(key, name, detector, None, signature_of(detector, None, plain, None))
+        return Method(key, name, detector, None, signature_of(detector, None, plain, None), checkpoint)
     signature = signature_of(detector, descriptor, plain, OmegaConf.to_container(config.descriptor, resolve=True))
     key = f"{key}_{safe_name(descriptor.name).lower()}"
-    return Method(key, f"{name} + {descriptor.name}", detector, descriptor, signature)
+    return Method(key, f"{name} + {descriptor.name}", detector, descriptor, signature, checkpoint)
 
 
 def _entry(item: Any, known: list[str]) -> Entry:

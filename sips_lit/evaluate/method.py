@@ -32,6 +32,25 @@ class Method:
     detector: Detector
     descriptor: Descriptor | None
     signature: Mapping[str, Any]
+    checkpoint: str | None = None
+    """The file of the detector's weights, in words; None where it names none."""
+
+    @property
+    def descriptor_name(self) -> str:
+        """The descriptor's name, ``own`` for the detector's."""
+        return "own" if self.descriptor is None else self.descriptor.name
+
+
+def checkpoint_of(detector_config: Mapping[str, Any]) -> str | None:
+    """The file of weights, or the name of released ones, that a detector's configuration gives, without its folder.
+
+    A file comes with the beginning of its hash, as many are called ``last.ckpt``. None without any.
+    """
+    given = next((detector_config[key] for key in ("path", "weights") if detector_config.get(key)), None)
+    if not isinstance(given, str):
+        return None
+    path = Path(given)
+    return f"{path.name} (sha256 {hashlib.sha256(path.read_bytes()).hexdigest()[:12]})" if path.is_file() else path.name
 
 
 def signature_of(

@@ -40,6 +40,11 @@ class PairTable:
     def __len__(self) -> int:
         return len(self.name)
 
+    @property
+    def sequences(self) -> tuple[str, ...]:
+        """The sequence of each pair, with which its name begins: of ``street:10-17`` it is ``street``."""
+        return tuple(name.rpartition(":")[0] for name in self.name)
+
 
 class PoseOutcome(IntEnum):
     """What became of the pose of a pair."""

@@ -169,7 +169,8 @@ def summarise(
         name=method.name,
         protocol={
             "detector": method.detector.name,
-            "descriptor": "own" if method.descriptor is None else method.descriptor.name,
+            "descriptor": method.descriptor_name,
+            **({} if method.checkpoint is None else {"checkpoint": method.checkpoint}),
             "scores": method.detector.scores,
             "extracted": measures.points(method.detector.scores),
             **measures.protocol,

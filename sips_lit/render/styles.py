@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,8 +23,8 @@ class Style:
     marker: str
 
 
-def detector_styles(names: Iterable[str]) -> dict[str, Style]:
-    """A style for each different name, in this order.
+def detector_styles(names: Iterable[str], originals: Mapping[str, str] | None = None) -> dict[str, Style]:
+    """A style for each different name, in this order; ``originals``: what those are called otherwise that a user named.
 
     ``SIFT`` and ``SIFT + RootSIFT`` have one colour; with a descriptor that others use too the line is solid, with the
     detector's own it is dashed. After seven detectors the colours come again with a marker. Controls are grey and dotted.
@@ -32,10 +32,12 @@ def detector_styles(names: Iterable[str]) -> dict[str, Style]:
     styles: dict[str, Style] = {}
     bases: list[str] = []
     for name in dict.fromkeys(names):
-        base, shared, _ = name.rpartition(" + ")
-        base = base if shared else name
-        if base.lower() in CONTROLS:
-            styles[name] = Style(len(styles), CONTROLS[base.lower()], ":", "")
+        original = (originals or {}).get(name, name)
+        detector, shared, descriptor = original.rpartition(" + ")
+        base = name.removesuffix(f" + {descriptor}") if shared else name
+        control = next((each.lower() for each in (base, detector or original) if each.lower() in CONTROLS), None)
+        if control is not None:
+            styles[name] = Style(len(styles), CONTROLS[control], ":", "")
             continue
         if base not in bases:
             bases.append(base)

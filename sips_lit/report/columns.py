@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from sips_lit.evaluate.result import AtBudget, FloatArray, MethodResult
-from sips_lit.metrics.succinctness import SuccinctnessResult
+from sips_lit.evaluate.result import AtBudget, FloatArray, IntArray, MethodResult
+from sips_lit.report.column import Column, Number
+from sips_lit.report.succinctness_columns import judged_columns, succinctness_columns
 from sips_lit.report.summary import (
     error_auc,
     known_mean,
     main_budget,
     main_k,
-    needed_points,
     over_repeats_deviation,
     pose_limits,
+    resampled_error_auc,
     succinctness,
     unknown_share,
     without_pose,
@@ -26,31 +26,7 @@ from sips_lit.report.summary import (
 
 OWN_N: Final = "own n only"
 """Tag of methods whose points have no order."""
-Number = Callable[[MethodResult], float]
 _STAGES: Final = ("detect", "describe", "depth", "match", "verify", "metrics")
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """``key`` heads it in CSV, ``title`` on the page; ``definition`` is a sentence or two of the glossary.
-
-    ``better`` is 1 where more is better, -1 where less is, 0 where it is neither. ``value`` computes it, and
-    ``deviation``, where there is one, its standard deviation over the repeats. ``count``: whole
-    numbers are shown without decimals.
-    """
-
-    key: str
-    title: str
-    definition: str
-    digits: int
-    better: int
-    value: Number
-    deviation: Number | None = None
-    count: bool = False
-
-    def text(self, value: float) -> str:
-        """A value of this column as people read it, see `text_of`."""
-        return text_of(value, 0 if self.count and float(value).is_integer() else self.digits)
 
 
 def columns_of(methods: Sequence[MethodResult]) -> list[Column]:
@@ -61,9 +37,9 @@ def columns_of(methods: Sequence[MethodResult]) -> list[Column]:
     timed = {stage for method in methods for stage in method.milliseconds}
     stages = sorted(timed, key=lambda stage: (_STAGES.index(stage) if stage in _STAGES else len(_STAGES), stage))
     budgets = sorted({n for method in methods for n in method.calibration})
-    columns = [*_succinctness(main_k(first), first.n_max)]
+    columns = [*succinctness_columns(main_k(first), first.n_max)]
     if any(unknown_share(method) > 0 for method in methods):
-        columns += _judged(main_k(first), first.n_max)
+        columns += judged_columns(main_k(first), first.n_max)
     columns += [] if n is None else [*_pose(n, *pose_limits(first)), *_at_n(n)]
     columns += [*map(_ece, budgets), *(() if n is None else _covariance(n)), _points(first.n_max), *map(_stage, stages)]
     return [column for column in columns if not all(math.isnan(column.value(method)) for method in methods)]
@@ -84,74 +60,23 @@ def is_scored(result: MethodResult) -> bool:
     return bool(result.protocol.get("scores") != "none")
 
 
-def text_of(value: float, digits: int) -> str:
-    """A value as people read it: ``never`` for what is infinite, a dash for what is undefined."""
-    if math.isnan(value):
-        return "-"
-    return "never" if math.isinf(value) else f"{value:.{digits}f}"
-
-
-def _reached(n: int | None) -> float:
-    return math.inf if n is None else n
-
-
-def _succinctness(k: int, n_max: int) -> Iterator[Column]:
-    def mean_n(method: MethodResult) -> float:
-        needed = needed_points(method, k)
-        return known_mean(needed[needed <= n_max])
-
-    def auc_deviation(method: MethodResult) -> float:
-        return over_repeats_deviation([succinctness(method, k, repeat).auc for repeat in range(method.n_k.shape[1])])
-
-    def failures(method: MethodResult) -> float:
-        return float(succinctness(method, k).failures / max(method.n_k.shape[1], 1))
-
-    definition = f"The fewest points per image with which 80 % of the pairs have {k} inliers."
-    yield Column("n_at_80", "n at 80 %", definition, 0, -1, lambda method: _reached(succinctness(method, k).n_at_80))
-    definition = f"The fewest points per image with which half of the pairs have {k} inliers."
-    yield Column("median_n", "median n", definition, 0, -1, lambda method: _reached(succinctness(method, k).median))
-    definition = (
-        f"Mean of n_{k} over the pairs that get {k} inliers; read it together with the failures, which it leaves out."
-    )
-    yield Column("mean_n", f"mean n to {k} inliers", definition, 1, -1, mean_n)
-    definition = (
-        f"Area under the succinctness curve up to {n_max} points, divided by {n_max}: "
-        f"1 - {k} / {n_max} = {1 - k / n_max:.3f} at best, 0 when every pair fails. "
-        "± is the standard deviation over the repeats of a random verification."
-    )
-    yield Column("auc", f"AUC-{n_max}", definition, 3, 1, lambda method: succinctness(method, k).auc, auc_deviation)
-    definition = f"Pairs without {k} inliers at any n up to {n_max}; the mean over the repeats."
-    yield Column("failures", "failures", definition, 1, -1, failures, count=True)
-
-
-def _judged(k: int, n_max: int) -> Iterator[Column]:
-    """Columns of pair sets where the truth about some points is not known."""
-
-    def of(method: MethodResult, repeat: int | None = None) -> SuccinctnessResult:
-        return succinctness(method, k, repeat, judged=True)
-
-    def auc_deviation(method: MethodResult) -> float:
-        return over_repeats_deviation([of(method, repeat).auc for repeat in range(method.n_k_judged.shape[1])])
-
-    definition = (
-        f"The same as n at 80 %, counting judged points only: of the {n_max} best points of each image those whose truth is "
-        "not known (no depth, neither their own nor that of a match) are removed, and the rest is matched and verified anew."
-    )
-    yield Column("n_at_80_judged", "n at 80 %, judged", definition, 0, -1, lambda method: _reached(of(method).n_at_80))
-    definition = f"The same as AUC-{n_max}, counting judged points only."
-    yield Column("auc_judged", f"AUC-{n_max}, judged", definition, 3, 1, lambda method: of(method).auc, auc_deviation)
-    definition = f"Share of the {n_max} best points of both images whose truth is not known; the mean over the pairs."
-    yield Column("unknown", "truth unknown", definition, 3, 0, unknown_share)
-
-
 def _pose(n: int, metres: float, degrees: float) -> Iterator[Column]:
-    def auc(errors: Callable[[AtBudget], FloatArray], limit: float) -> tuple[Number, Number]:
-        """Pose AUC over all pairs and repeats, and its deviation over the repeats."""
+    def auc(errors: Callable[[AtBudget], FloatArray], limit: float) -> dict[str, Any]:
+        """Pose AUC over all pairs and repeats, its deviation over the repeats, and of draws of the pairs."""
 
         def deviation(at: AtBudget) -> float:
             return over_repeats_deviation([error_auc(of_repeat, limit) for of_repeat in errors(at).T])
 
-        return _at(n, lambda at: error_auc(errors(at), limit)), _at(n, deviation)
+        def resampled(method: MethodResult, drawn: IntArray) -> FloatArray:
+            if n not in method.budgets:
+                return np.full(len(drawn), np.nan)
+            return resampled_error_auc(errors(method.budgets[n]), limit, drawn)
+
+        return {
+            "value": _at(n, lambda at: error_auc(errors(at), limit)),
+            "deviation": _at(n, deviation),
+            "resampled": resampled,
+        }
 
     definition = (
         "Area under the curve of translation errors (Euclidean distance, metres) from 0 to "
@@ -159,11 +84,11 @@ def _pose(n: int, metres: float, degrees: float) -> Iterator[Column]:
         "pairs whose true pose is not known are left out."
     )
     numbers = auc(lambda at: at.translation_error, metres)
-    yield Column(f"pose_auc_{metres:g}m", f"pose AUC-{metres:g} m at {n}", definition, 3, 1, *numbers)
+    yield Column(f"pose_auc_{metres:g}m", f"pose AUC-{metres:g} m at {n}", definition, 3, 1, **numbers)
     unit = "degree" if degrees == 1 else "degrees"
     definition = f"The same of rotation errors (geodesic angle) from 0 to {degrees:g} {unit}."
     numbers = auc(lambda at: at.rotation_error, degrees)
-    yield Column(f"pose_auc_{degrees:g}deg", f"pose AUC-{degrees:g}° at {n}", definition, 3, 1, *numbers)
+    yield Column(f"pose_auc_{degrees:g}deg", f"pose AUC-{degrees:g}° at {n}", definition, 3, 1, **numbers)
     definition = (
         f"Pairs without a pose from the {n} best points, though the true one is known; the mean over the repeats. "
         "A table below counts the reasons."

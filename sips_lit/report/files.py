@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 import os
 import platform
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -19,10 +17,11 @@ from sips_lit.files import make_folder, safe_name, write_whole
 from sips_lit.progress import progress
 from sips_lit.render.canvas import Picture
 from sips_lit.render.figure import figure_to_array
-from sips_lit.render.styles import detector_styles
 from sips_lit.report.columns import columns_of
 from sips_lit.report.embedding import svg_of
 from sips_lit.report.figures import Styles, charts
+from sips_lit.report.intervals import Intervals
+from sips_lit.report.labels import styles_of, told_apart
 from sips_lit.report.page import PairPictures, report_page
 from sips_lit.report.stored import store_results
 from sips_lit.report.tables import write_tables
@@ -36,23 +35,25 @@ def write_report(
     pictures: PairPictures,
     date: str | None = None,
     machine: Mapping[str, str] | None = None,
+    intervals: Mapping[str, Intervals] | None = None,
 ) -> list[Path]:
     """Writes ``report.html``, ``results.json``, ``summary.csv``, CSV per pair set and method, figures and TensorBoard.
 
-    ``date`` is shown as given; ``machine`` describes where the times were measured, this one if None. Returns the files.
+    ``date`` is shown as given; ``machine`` describes where the times were measured, this one if None; ``intervals`` by
+    the keys of the pair sets. Returns the files.
     Raises BadInputError when one cannot be written, or a picture cannot be read.
     """
     make_folder(folder)
-    results = [_with_different_names(result) for result in results]
-    styles = detector_styles(method.name for result in results for method in result.detectors)
+    results = [told_apart(result) for result in results]
+    styles = styles_of(results)
     numbers, page = folder / "results.json", folder / "report.html"
     machine = describe_machine() if machine is None else machine
     store_results(numbers, results, date, machine)
-    written = [numbers, *write_tables(folder, results), *_write_pictures(folder / "pictures", pictures)]
+    written = [numbers, *write_tables(folder, results, intervals), *_write_pictures(folder / "pictures", pictures)]
     with SummaryWriter(str(folder / "tensorboard")) as writer:
         log_numbers(writer, results)
         written += _write_figures(folder / "figures", results, styles, writer)
-    html = report_page(results, pictures, styles, date, machine)
+    html = report_page(results, pictures, styles, date, machine, intervals)
     write_whole(page, html.encode())
     return [page, *written, folder / "tensorboard"]
 
@@ -78,16 +79,6 @@ def log_numbers(writer: SummaryWriter, results: Sequence[PairSetResult]) -> None
                 value = column.value(method)
                 if math.isfinite(value):
                     writer.add_scalar(f"benchmark/{result.key}/{method.key}/{column.key}", value)
-
-
-def _with_different_names(result: PairSetResult) -> PairSetResult:
-    """The result with the key added to names that several methods share, as figures tell them apart by name."""
-    count = Counter(method.name for method in result.detectors)
-    methods = tuple(
-        replace(method, name=f"{method.name} ({method.key})") if count[method.name] > 1 else method
-        for method in result.detectors
-    )
-    return replace(result, detectors=methods)
 
 
 def _write_figures(folder: Path, results: Sequence[PairSetResult], styles: Styles, writer: SummaryWriter) -> list[Path]:

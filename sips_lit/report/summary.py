@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.evaluate.result import AtBudget, FloatArray, IntArray, MethodResult, PairTable, PoseOutcome
-from sips_lit.metrics.pose_auc import pose_auc
+from sips_lit.metrics.bootstrap import resampled_curves, resampled_mean
+from sips_lit.metrics.pose_auc import gains, pose_auc
 from sips_lit.metrics.succinctness import SuccinctnessResult, histogram, summarise
 
 
@@ -54,6 +55,18 @@ def succinctness(result: MethodResult, k: int, repeat: int | None = None, judged
     chosen = needed if repeat is None else needed[:, [repeat]]
     counts = histogram([int(n) if np.isfinite(n) else None for n in chosen.ravel()], result.n_max)
     return summarise(counts, k)
+
+
+def resampled_succinctness(result: MethodResult, k: int, drawn: IntArray, judged: bool = False) -> FloatArray:
+    """The curve of `succinctness` of all repeats for each draw of the pairs ``drawn`` (B, P): (B, n_max + 1)."""
+    return resampled_curves(needed_points(result, k, judged), result.n_max, drawn)
+
+
+def resampled_error_auc(errors: FloatArray, limit: float, drawn: IntArray) -> FloatArray:
+    """`error_auc` of errors (P, R) for each draw of the pairs ``drawn`` (B, P): (B,)."""
+    gained, known = np.full(errors.shape, np.nan), ~np.isnan(errors)
+    gained[known] = gains(errors[known], limit)
+    return resampled_mean(gained, drawn)
 
 
 def error_auc(errors: NDArray[Any], limit: float) -> float:

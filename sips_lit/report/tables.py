@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from sips_lit.evaluate.result import MethodResult, PairSetResult
-from sips_lit.files import make_folder, safe_name, write_csv
+from sips_lit.files import make_folder, safe_name, write_csv, write_whole
 from sips_lit.report.columns import columns_of
+from sips_lit.report.intervals import Intervals
 from sips_lit.report.summary import main_budget, main_k, median_needed, over_repeats
+from sips_lit.report.terminal import markdown
 
 Columns = dict[str, Iterable[Any]]
 """Cells of each row by the column's name."""
+_ESTIMATED: Final = ("low", "high", "difference", "difference_low", "difference_high")
 _HEADER: Final = ("pair_set", "detector", "name", "pairs", "k", "n_max", "n")
 
 
-def write_tables(folder: Path, results: Sequence[PairSetResult]) -> list[Path]:
+def write_tables(
+    folder: Path, results: Sequence[PairSetResult], intervals: Mapping[str, Intervals] | None = None
+) -> list[Path]:
     """Writes ``summary.csv`` and, per pair set and method, ``<set>/<key>_pairs.csv`` and ``<set>/<key>_all.csv``.
 
-    A failure is ``inf``, what is undefined ``nan``. Raises BadInputError when a file cannot be written.
+    Beside the first is ``summary.md``, for reading. ``intervals`` by the keys of the pair sets. A failure is ``inf``, what
+    is undefined ``nan``. Raises BadInputError when a file cannot be written.
     """
-    written = [_write(folder / "summary.csv", summary_rows(results))]
+    written = [_write(folder / "summary.csv", summary_rows(results, intervals)), folder / "summary.md"]
+    text = "\n\n".join(f"## {result.title}\n\n{markdown(result)}" for result in results)
+    write_whole(written[-1], f"{text}\n".encode())
     for result in results:
         subfolder = folder / safe_name(result.key)
         if result.detectors:
@@ -36,11 +44,15 @@ def write_tables(folder: Path, results: Sequence[PairSetResult]) -> list[Path]:
     return written
 
 
-def summary_rows(results: Sequence[PairSetResult]) -> list[list[Any]]:
-    """The header and a row for each method on each pair set, unrounded; None where the set lacks a column."""
+def summary_rows(results: Sequence[PairSetResult], intervals: Mapping[str, Intervals] | None = None) -> list[list[Any]]:
+    """The header and a row for each method on each pair set, unrounded; None where the set lacks a column.
+
+    Beside a number stand its deviation over the repeats, its interval, and that of its difference to the best, if any.
+    """
+    known = intervals or {}
     rows: list[dict[str, Any]] = []
     for result in results:
-        columns = columns_of(result.detectors)
+        columns, estimates = columns_of(result.detectors), known.get(result.key, Intervals()).of
         for method in result.detectors:
             row = {"pair_set": result.key, "detector": method.key, "name": method.name, "pairs": len(method.pairs)}
             row |= {"k": main_k(method), "n_max": method.n_max, "n": main_budget(method)}
@@ -48,6 +60,9 @@ def summary_rows(results: Sequence[PairSetResult]) -> list[list[Any]]:
                 row[column.key] = column.value(method)
                 if column.deviation is not None:
                     row[f"{column.key}_deviation"] = column.deviation(method)
+                estimate = estimates.get((method.key, column.key))
+                if estimate is not None:
+                    row |= {f"{column.key}_{name}": getattr(estimate, name) for name in _ESTIMATED}
             rows.append(row)
     header = list(dict.fromkeys((*_HEADER, *(key for row in rows for key in row))))
     return [header, *([row.get(key) for key in header] for row in rows)]

@@ -73,7 +73,7 @@ def test_every_group_is_covered():
 
 def test_an_evaluation_has_the_keys_that_are_read_and_the_defaults_of_the_code():
     stored = OmegaConf.load(CONF_DIR / "evaluation" / "default.yaml")
-    others = {"refine_poses", "pair_sets", "features", "pictures", "video_frames", "workers"}
+    others = {"refine_poses", "pair_sets", "features", "pictures", "video_frames", "workers", "labels", "resamples"}
     assert set(stored) == {*CHOICE, *MEASURED} | others
     for name in set(MEASURED) - {"seed"}:
         default = getattr(Measures(), name)

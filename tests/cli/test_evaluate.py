@@ -1,4 +1,5 @@
 import csv
+import hashlib
 import json
 
 import numpy as np
@@ -36,17 +37,30 @@ def stored(folder) -> dict:
 def test_a_checkpoint(evaluate, folders, checkpoint):
     result = evaluate(f"checkpoint={checkpoint}")
     assert result.code == 0, result.err
-    assert "| method" in result.out
+    assert "\nmethod " in result.out
     assert "SIPs + " in result.out
-    assert "4 pairs (kind=random, overlap=0.5, seed=0)" in result.out
-    for part in ("k = 8, ", "at most 60 points", "exact search", "inliers=klt"):
-        assert part in result.out
+    said = " ".join(result.out.split())  # lines break anywhere
+    for part in (
+        "k = 8, ",
+        "at most 60 points",
+        "4 pairs (kind=random, overlap=0.5, seed=0)",
+        "exact search",
+        "inliers=klt",
+    ):
+        assert part in said
     written = [line.strip() for line in result.out.split("wrote:\n")[1].splitlines()]
     run = folders / "run"
-    names = {"report.html", "results.json", "summary.csv", "data/sips_rootsift_pairs.csv", "data/sips_rootsift_all.csv"}
-    names |= {f"pictures/data/sips_rootsift_{which}.png" for which in ("best", "median", "worst")}
+    names = {
+        "report.html",
+        "results.json",
+        "summary.csv",
+        "summary.md",
+        "folder_plane/sips_rootsift_pairs.csv",
+        "folder_plane/sips_rootsift_all.csv",
+    }
+    names |= {f"pictures/folder_plane/sips_rootsift_{which}.png" for which in ("best", "median", "worst")}
     assert {str(run / name) for name in names if "/" not in name} <= set(written)
-    assert {f"{run}/data/ (2 files)", f"{run}/pictures/ (3 files)"} <= set(written)
+    assert {f"{run}/folder_plane/ (2 files)", f"{run}/pictures/ (3 files)"} <= set(written)
     assert all((run / name).stat().st_size for name in names)
     found = stored(run)
     protocol = found["protocol"]
@@ -55,8 +69,10 @@ def test_a_checkpoint(evaluate, folders, checkpoint):
     assert protocol["verification"][0]["threshold"] == 3.0
     assert protocol["versions"]["torch"] == torch.__version__
     assert protocol["descriptor"]
+    digest = hashlib.sha256(checkpoint.read_bytes()).hexdigest()
+    assert protocol["checkpoint"] == f"{checkpoint.name} (sha256 {digest[:12]})"
     assert found["calibration"]["20"]["ece"] >= 0
-    with (run / "data" / "sips_rootsift_pairs.csv").open() as handle:
+    with (run / "folder_plane" / "sips_rootsift_pairs.csv").open() as handle:
         assert len(list(csv.DictReader(handle))) == 4
 
 
@@ -65,7 +81,7 @@ def test_the_same_result_twice(evaluate, folders, checkpoint):
         assert evaluate(f"checkpoint={checkpoint}", f"features={folders}/{run}_features", into=run).code == 0
     one, two = (stored(folders / run) for run in ("one", "two"))
     assert {**one, "milliseconds": 0} == {**two, "milliseconds": 0}
-    name = "data/sips_rootsift_all.csv"
+    name = "folder_plane/sips_rootsift_all.csv"
     assert (folders / "one" / name).read_text() == (folders / "two" / name).read_text()
 
 
@@ -110,7 +126,7 @@ def test_search_by_halving(evaluate, folders, checkpoint):
     for search, needed in (("exact", exact), ("binary", binary)):
         result = evaluate(f"checkpoint={checkpoint}", f"search={search}", into=search)
         assert result.code == 0, result.err
-        with (folders / search / "data" / "sips_rootsift_pairs.csv").open() as handle:
+        with (folders / search / "folder_plane" / "sips_rootsift_pairs.csv").open() as handle:
             needed |= {row["name"]: float(row["nmin"]) for row in csv.DictReader(handle)}
     assert exact.keys() == binary.keys()
     assert all(exact[pair] <= binary[pair] for pair in exact)

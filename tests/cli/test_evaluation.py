@@ -19,10 +19,10 @@ def config(frames, folders):
 
 def test_without_entries_there_is_one_pair_set_of_the_keys(config, folders):
     ((pairs, measures),) = make_pair_sets(config, folders / "run")
-    assert (pairs.key, pairs.title, len(pairs)) == ("data", "data", 3)
+    assert (pairs.key, pairs.title, len(pairs)) == ("folder_plane", "folder of images: plane", 3)
     assert (measures.n_max, measures.n, measures.k) == (40, 20, 10)
     assert pairs.protocol["overlap"] == 0.5
-    assert len((folders / "run" / "data" / "pairs.csv").read_text().splitlines()) == 4
+    assert len((folders / "run" / "folder_plane" / "pairs.csv").read_text().splitlines()) == 4
 
 
 def test_an_entry_overrides_the_keys_for_its_own(config, folders):

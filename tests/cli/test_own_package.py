@@ -131,7 +131,7 @@ def test_a_benchmark(run, tmp_path):
     out = run(
         "benchmark", *MINE, *SMALL, "detectors=[blobs,shi_tomasi,{wide:{_target_:my_points.parts.Blobs,sigma:4}}]"
     )
-    for name in ("| Blobs + Patch ", "| Shi-Tomasi + Patch ", "| Blobs (sigma 4) + Patch "):
+    for name in ("\nBlobs + Patch ", "\nShi-Tomasi + Patch ", "\nBlobs (sigma 4) + Patch "):
         assert name in out
     (pair_set,) = json.loads((tmp_path / "benchmark" / "results.json").read_text())["pair_sets"]
     assert pair_set["protocol"]["verification"] == [{"inliers": "known_pan"}]
@@ -155,9 +155,9 @@ def test_points_are_sanitised_alike_in_every_command_and_that_is_said(run, tmp_p
     good, careless, alone = (
         needed(tmp_path / path)
         for path in (
-            "benchmark/data/blobs_patch_pairs.csv",
-            "benchmark/data/careless_patch_pairs.csv",
-            "evaluate/data/careless_patch_pairs.csv",
+            "benchmark/pan/blobs_patch_pairs.csv",
+            "benchmark/pan/careless_patch_pairs.csv",
+            "evaluate/pan/careless_patch_pairs.csv",
         )
     )
     assert alone == careless == good
@@ -166,7 +166,7 @@ def test_points_are_sanitised_alike_in_every_command_and_that_is_said(run, tmp_p
 
 def test_an_evaluation(run):
     out = run("evaluate", *MINE, *SMALL, "detector=blobs", "detector.sigma=2")
-    assert "| Blobs + Patch " in out
+    assert "\nBlobs + Patch " in out
 
 
 def test_overlap_and_training(run, tmp_path):

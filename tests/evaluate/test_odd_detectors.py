@@ -21,7 +21,7 @@ from sips_lit.inliers.pose_depth import PoseDepthInliers
 from sips_lit.pairs.choice import ListedPair
 from sips_lit.report.files import write_report
 from sips_lit.report.summary import main_budget
-from sips_lit.report.terminal import table
+from sips_lit.report.terminal import markdown
 from sips_lit.types import Keypoints
 
 M = Measures(k=8, ks=(5,), n_max=40, n=20, repeats=2, calibration=(), iterations=100)
@@ -181,7 +181,7 @@ def test_points_without_scores_are_judged_at_their_own_number_only(saved, tmp_pa
     assert (lfnet.protocol["scores"], corners.protocol["scores"]) == ("none", "order")
     assert (main_budget(lfnet), "pose_auc_1m" in Row(lfnet).values) == (10, False)
     result = PairSetResult("set", "Set", pairs_of().protocol | {"pairs": 2}, (lfnet, corners), {})
-    assert "| Lfnet (own n only) " in table(result)
+    assert "| Lfnet (own n only) " in markdown(result)
     page = write_report(tmp_path / "report", [result], {}, machine={})[0].read_text()
     assert 'Lfnet <span class="tag">own n only</span>' in page
     assert "<dt>own n only</dt>" in page

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 from html.parser import HTMLParser
+from statistics import median as median_of
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from sips_lit.evaluate.result import PoseOutcome
 from sips_lit.report.files import write_report
-from sips_lit.report.terminal import protocol_line, table
+from sips_lit.report.terminal import markdown, protocol_line
 
 # key: title, digits, whether more (1) or less (-1) is better
 COLUMNS = {
@@ -194,11 +195,12 @@ def best_first(result):
     return sorted(result.detectors, key=lambda method: -numbers(method)["auc"])
 
 
-def test_terminal(result):
-    header, _, *lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in table(result).splitlines()]
-    keys = [key for key in COLUMNS if not key.endswith("_ms")]
-    assert header == ["method", *(COLUMNS[key][0] for key in keys)]
-    expected = [[m.name, *(shown(key, numbers(m)[key]) for key in keys)] for m in best_first(result)]
+def test_markdown_and_the_line_of_the_terminal(result):
+    header, _, *lines = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in markdown(result).splitlines()
+    ]
+    assert header == ["method", *(title for title, *_ in COLUMNS.values())]
+    expected = [[m.name, *(shown(key, numbers(m)[key]) for key in COLUMNS)] for m in best_first(result)]
     assert lines == expected
     assert protocol_line(result) == (
         "k = 7, at most 90 points, 6 pairs (overlap=0.25, seed=3), exact search, inliers=stereo_p3p, threshold=2.5"
@@ -213,12 +215,13 @@ class Tables(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.tables, self.cell = [], None
+        self.tables, self.classes, self.cell = [], [], None
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
         if tag == "table":
             self.tables.append([])
+            self.classes.append(dict(attributes).get("class"))
         elif tag == "tr":
             self.tables[-1].append([])
         elif tag in ("td", "th"):
@@ -235,8 +238,30 @@ class Tables(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def tables(folder):
-    return Tables((folder / "report.html").read_text()).tables
+def page(folder):
+    return Tables((folder / "report.html").read_text())
+
+
+@pytest.fixture(scope="module")
+def tables(page):
+    """The table of the methods and those below it."""
+    return page.tables[page.classes.index("sortable") :]
+
+
+def test_the_head_of_the_page(result, page):
+    known, statistics = page.tables[: page.classes.index("sortable")]
+    assert [[cell["text"] for cell in row] for row in known] == [
+        ["sequence", "drive"],
+        ["pairs", f"{PAIRS}, of overlap 0.25 or more, drawn with seed 3"],
+    ]
+    pairs = result.detectors[0].pairs
+    for (title, *cells), values in zip(
+        statistics[1:], (pairs.overlap, pairs.gap, pairs.pixels, pairs.translation, pairs.rotation), strict=True
+    ):
+        ordered = sorted(x for x in values.tolist() if not math.isnan(x))
+        least, _, median, _, most = (float(cell["text"]) for cell in cells)
+        expected = ordered[0], median_of(ordered), ordered[-1]
+        assert (least, median, most) == pytest.approx(expected, rel=5e-3), title["text"]
 
 
 def test_table_of_the_page(result, tables):
@@ -257,7 +282,7 @@ def test_the_best_are_marked(result, tables):
     for at, (key, (_, _, better)) in enumerate(COLUMNS.items(), 1):
         values = [numbers(method)[key] for method in best_first(result)]
         known = [value for value in values if not math.isnan(value)]
-        best = {1: max(known), -1: min(known), 0: None}[better]
+        best = {1: max(known), -1: min(known), 0: None}[better] if len(known) > 1 else None  # one has no rival
         marked = [row[at].get("class") == "best" for row in tables[0][1:]]
         assert marked == [value == best and value < math.inf for value in values], key
         assert tables[0][0][at]["data-first"] == ("descending" if better > 0 else "ascending")

@@ -2,17 +2,22 @@ import math
 import re
 from dataclasses import replace
 from html import unescape
+from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmark_examples import NAMES, pair_set
 from golden_results import golden
 
+import sips_lit.report.page as page_module
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.render.styles import detector_styles
-from sips_lit.report.columns import Column, columns_of
+from sips_lit.report.column import Column
+from sips_lit.report.columns import columns_of
 from sips_lit.report.counts import OUTCOMES
-from sips_lit.report.page import report_page, table_rows
+from sips_lit.report.intervals import intervals
+from sips_lit.report.labels import styles_of
+from sips_lit.report.page import differences_to_best, report_page, table_rows
 from sips_lit.report.pair_pictures import PairPicture
 
 PICTURE = PairPicture("best", np.full((9, 12, 3), 90, np.uint8), "n_7 = 12")
@@ -188,3 +193,53 @@ def test_points_without_an_order_are_tagged():
     (method,) = methods("LF-Net")
     (row,) = table_rows([replace(method, protocol={"scores": "none"})], [])
     assert (row.control, row.tags) == (False, ("own n only",))
+
+
+@pytest.fixture(scope="module")
+def compared():
+    result = pair_set(NAMES[:3], 40, repeats=1)
+    found = intervals(result, 200)
+    return result, found, report_page([result], {}, styles_of([result]), None, {}, {result.key: found})
+
+
+def test_intervals_and_marks(compared):
+    result, found, text = compared
+    columns = columns_of(result.detectors)
+    for row in table_rows(result.detectors, columns, found):
+        (method,) = [method for method in result.detectors if method.name == row.name]
+        for cell, column in zip(row.cells, columns, strict=True):
+            estimate = found.of.get((method.key, column.key))
+            assert (cell.interval != "") == (estimate is not None and estimate.low < math.inf)
+            if estimate is not None:
+                assert cell.tied == (estimate.tied and not cell.best and not row.control)
+    assert "Below a number: its 95 % interval, from 200 draws of the pairs." in " ".join(text.split())
+
+
+def test_differences_to_the_best(compared):
+    result, found, text = compared
+    titles, rows = differences_to_best(result.detectors, columns_of(result.detectors), found)
+    assert titles == ["n at 80 %", "AUC-200", "pose AUC-1 m at 50", "pose AUC-1° at 50"]
+    assert [cells[1] for cells in rows.values()].count("best") == 1
+    worse = next(method for method in result.detectors if method.name == "ORB + RootSIFT")
+    estimate = found.of[worse.key, "auc"]
+    apart = f"{estimate.difference:+.3f} [{estimate.difference_low:+.3f}, {estimate.difference_high:+.3f}]"
+    assert rows[worse.name][1] == apart + " ≈" * estimate.tied
+    assert rows["random + RootSIFT"][0] == "never"
+    assert "Difference to the best, with its 95 % interval" in text
+    assert apart in text
+
+
+def test_without_intervals_nothing_is_said_of_them(text):
+    body = text.split('<section id="glossary">')[0].split("</style>")[1]
+    assert "interval" not in body
+    assert "Difference to the best" not in body
+
+
+def test_no_letter_is_smaller_than_11_pixels():
+    """Font sizes of the style sheet for a screen, relative ones in the smallest table."""
+    css = (Path(page_module.__file__).parent / "templates" / "page.css").read_text().split("@media print")[0]
+    sizes = re.findall(r"font-size: ([0-9.]+)(rem|em|px)", css)
+    assert len(sizes) > 10
+    for size, unit in sizes:
+        if unit != "px":  # letters within figures, which are scaled
+            assert float(size) * (16 if unit == "rem" else 0.82 * 16) >= 11, (size, unit)

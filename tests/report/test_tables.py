@@ -5,8 +5,9 @@ from benchmark_examples import NAMES, pair_set
 
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.report.columns import auc_of
+from sips_lit.report.intervals import intervals
 from sips_lit.report.summary import median_needed
-from sips_lit.report.tables import write_tables
+from sips_lit.report.tables import summary_rows, write_tables
 
 
 def test_files(tmp_path):
@@ -14,7 +15,7 @@ def test_files(tmp_path):
     other = pair_set(NAMES[:1], 4, poses=False, key="../klt", repeats=1)
     written = write_tables(tmp_path / "new", [result, other]) if (tmp_path / "new").mkdir() is None else []
     assert all(path.is_file() and (tmp_path / "new") in path.parents for path in written)
-    assert len(written) == 1 + 2 * (len(result.detectors) + len(other.detectors))
+    assert len(written) == 2 + 2 * (len(result.detectors) + len(other.detectors))
 
     with written[0].open() as handle:
         rows = list(csv.DictReader(handle))
@@ -49,5 +50,18 @@ def test_every_k_and_budget(tmp_path):
 
 
 def test_no_detectors(tmp_path):
-    (path,) = write_tables(tmp_path, [PairSetResult("e", "empty", {}, (), {})])
+    path, text = write_tables(tmp_path, [PairSetResult("e", "empty", {}, (), {})])
     assert len(path.read_text().splitlines()) == 1
+    assert "## empty" in text.read_text()
+
+
+def test_intervals_stand_beside_their_numbers():
+    result = pair_set(NAMES[:2], 20, repeats=1)
+    found = intervals(result, 50)
+    header, *rows = summary_rows([result], {result.key: found})
+    assert "auc_difference_high" in header
+    for row, method in zip(rows, result.detectors, strict=True):
+        cells = dict(zip(header, row, strict=True))
+        estimate = found.of[method.key, "auc"]
+        assert (cells["auc_low"], cells["auc_high"]) == (estimate.low, estimate.high)
+        assert cells["auc_low"] <= cells["auc"] <= cells["auc_high"]

@@ -44,6 +44,16 @@ for (const button of document.querySelectorAll("button[data-show]")) {
   });
 }
 
+// Tables: a hint above one that is wider than the page.
+function hint() {
+  for (const line of document.querySelectorAll(".hint")) {
+    const box = line.nextElementSibling;
+    line.classList.toggle("shown", box.scrollWidth > box.clientWidth + 1);
+  }
+}
+addEventListener("resize", hint);
+hint();
+
 // On paper nothing can be opened.
 addEventListener("beforeprint", () => {
   for (const folded of document.querySelectorAll("details")) folded.open = true;
