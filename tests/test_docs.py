@@ -91,6 +91,7 @@ def test_there_are_commands():
         "calibrate",
         "detect",
         "export",
+        "speed",
     }
 
 

@@ -78,7 +78,7 @@ def make_methods(config: DictConfig, on_skip: Callable[[str, str], None]) -> lis
     A detector that can't be made (a missing package, weight or checkpoint) is passed to ``on_skip`` with the reason. Raises
     BadInputError as `parse_entries` does.
     """
-    entries = [(entry, _with_detector(config, entry)) for entry in parse_entries(config.detectors)]
+    entries = [(entry, with_detector(config, entry)) for entry in parse_entries(config.detectors)]
     descriptor: Descriptor | None = build(config.descriptor)
     methods = []
     for entry, whole in entries:
@@ -128,7 +128,7 @@ def _entry(item: Any, known: list[str]) -> Entry:
     return Entry(item, overrides or {})
 
 
-def _with_detector(config: DictConfig, entry: Entry) -> DictConfig:
+def with_detector(config: DictConfig, entry: Entry) -> DictConfig:
     """The whole configuration with an entry as its detector, unresolved, as it may refer to the rest.
 
     Any argument of the detector's constructor may be set, whether or not its file names it.

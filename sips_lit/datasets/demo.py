@@ -119,6 +119,11 @@ class StereoPair(ImageSequence):
         return self._depth if index == 0 else None
 
 
+def demo_photograph() -> Path:
+    """The file of a photograph, 741 x 497: the left one of ``motorcycle``. Raises BadInputError without scikit-image."""
+    return _skimage_data() / "motorcycle_left.png"
+
+
 def motorcycle() -> list[ImageSequence]:
     """The stereo pair ``motorcycle`` with its dense disparity as truth, 741 x 497 or so."""
     folder = _skimage_data()

@@ -63,6 +63,17 @@ def folded_logits(network: ScoreNetwork, image: Tensor) -> Tensor:
     Weights are folded anew each time, which takes 1 % of it, so they are those that the network has.
     """
     side = block_side(network)
+    x = _first_channels(network, image, side)
+    *hidden, last = cast("list[nn.Conv2d]", list(network.layers))
+    for layer in hidden:
+        x = F.leaky_relu(_on_blocks(layer, x, side), network.leaky_slope, inplace=not torch.is_grad_enabled())
+    with torch.autocast(x.device.type, enabled=False):  # equal logits would make the order of the points arbitrary
+        logits = F.pixel_shuffle(_on_blocks(last, x.float(), side), side)
+    return logits[..., : image.shape[-2], : image.shape[-1]].contiguous()
+
+
+def _first_channels(network: ScoreNetwork, image: Tensor, side: int) -> Tensor:
+    """What the first layer sees, on blocks."""
     x = network.pad(whole_blocks(image, side))
     if network.derivatives:
         with torch.autocast(x.device.type, enabled=False):  # differences of rounded grey values are noise
@@ -70,13 +81,7 @@ def folded_logits(network: ScoreNetwork, image: Tensor) -> Tensor:
             x = mixed_channels(*filtered.chunk(6, 1))
     else:
         x = F.pixel_unshuffle(x, side)
-    x = x.contiguous(memory_format=torch.channels_last)
-    *hidden, last = cast("list[nn.Conv2d]", list(network.layers))
-    for layer in hidden:
-        x = F.leaky_relu(_on_blocks(layer, x, side), network.leaky_slope, inplace=not torch.is_grad_enabled())
-    with torch.autocast(x.device.type, enabled=False):  # equal logits would make the order of the points arbitrary
-        logits = F.pixel_shuffle(_on_blocks(last, x.float(), side), side)
-    return logits[..., : image.shape[-2], : image.shape[-1]].contiguous()
+    return x.contiguous(memory_format=torch.channels_last)
 
 
 def _on_blocks(layer: nn.Conv2d, x: Tensor, side: int) -> Tensor:

@@ -14,6 +14,7 @@ from torch import Tensor
 from sips_lit.detect.peaks import local_maxima, quadratic_offsets
 from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
+from sips_lit.detect.steps import step
 from sips_lit.errors import BadInputError
 from sips_lit.types import FloatArray, GreyImage, Keypoints
 
@@ -78,7 +79,11 @@ class PointSelector:
         size = (image.shape[-2], image.shape[-1])
         levels = image_pyramid(image, network.scales, network.scale_factor)
         keep = n if len(levels) == 1 else None  # several levels lose points to suppression later, so none is cut here
-        parts = [self._level(network(level)[0, 0], index, size, keep) for index, level in enumerate(levels)]
+        parts = []
+        for index, level in enumerate(levels):
+            with step("network"):
+                logits = network(level)[0, 0]
+            parts.append(self._level(logits, index, size, keep))
         xy, logit, place = (torch.cat(column).cpu() for column in zip(*parts, strict=True))
         order = torch.sort(logit, descending=True, stable=True).indices
         positions, logit, where = xy[order].numpy(), logit[order], place[order].numpy()
@@ -99,11 +104,13 @@ class PointSelector:
                 "the score network gives values that are not finite: its weights are broken (a damaged file or a diverged "
                 "training); use another checkpoint, or train with a lower learning rate"
             )
-        rows, columns = local_maxima(logits, self.nms_radius)
+        with step("suppression"):
+            rows, columns = local_maxima(logits, self.nms_radius)
         rows, columns = rows[:keep], columns[:keep]
         xy = torch.stack([columns, rows], 1).to(logits.dtype)
         if self.subpixel:
-            xy = xy + quadratic_offsets(logits, rows, columns)
+            with step("sub-pixel"):
+                xy = xy + quadratic_offsets(logits, rows, columns)
         if index > 0:
             xy = to_full_resolution(xy, (logits.shape[0], logits.shape[1]), size)
         return xy, logits[rows, columns], torch.stack([torch.full_like(rows, index), rows, columns], 1)
