@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from sips_lit.frames.folder import folder as folder
     from sips_lit.frames.images import read_grey as read_grey
     from sips_lit.frames.video import video as video
+    from sips_lit.inference.match import match as match
+    from sips_lit.inference.matched_pair import MatchedPair as MatchedPair
     from sips_lit.inliers.homography import HomographyInliers as HomographyInliers
     from sips_lit.inliers.independent import IndependentCheck as IndependentCheck
     from sips_lit.inliers.klt import KltInliers as KltInliers
@@ -153,6 +155,8 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "formats.vismatch": ("SipsMatcher",),
     "formats.hloc": ("HlocFeatures",),
     "formats.colmap": ("ColmapDatabase",),
+    "inference.match": ("match",),
+    "inference.matched_pair": ("MatchedPair",),
 }
 """The public names by their modules, in the order of the data; the imports above are the same list for type checkers."""
 

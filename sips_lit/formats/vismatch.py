@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -14,10 +13,10 @@ from torch import Tensor, nn
 from sips_lit.describe.sift import RootSift
 from sips_lit.detect.detector import SipsDetector, as_grey
 from sips_lit.frames.images import read_rgb
+from sips_lit.geometry.two_view import fit_homography
+from sips_lit.matching.confidence import shared_probability
 from sips_lit.matching.mutual_nearest import distances, mutual_nearest
-from sips_lit.types import Descriptor, Features, FloatArray
-
-FEWEST: Final = 4  # matches that define a homography
+from sips_lit.types import Descriptor, Features
 
 
 class SipsMatcher(nn.Module):
@@ -62,18 +61,18 @@ class SipsMatcher(nn.Module):
         sides = self._features(img0), self._features(img1)
         matches = mutual_nearest(distances(*sides))
         kept = [side.keypoints[rows] for side, rows in zip(sides, (matches.index0, matches.index1), strict=True)]
-        H, inlier = self._homography(kept[0].xy, kept[1].xy)
+        plane = fit_homography(kept[0].xy, kept[1].xy, self.ransac_reproj_thresh, self.ransac_iters, self.ransac_conf)
         result = {
-            "num_inliers": int(inlier.sum()),
-            "H": H,
-            "matched_confidences": np.sqrt(kept[0].score * kept[1].score),
+            "num_inliers": int(plane.inlier.sum()),
+            "H": plane.H,
+            "matched_confidences": shared_probability(kept[0].score, kept[1].score),
         }
         for index, (side, matched) in enumerate(zip(sides, kept, strict=True)):
             result |= {
                 f"all_kpts{index}": side.keypoints.xy,
                 f"all_desc{index}": side.descriptors,
                 f"matched_kpts{index}": matched.xy,
-                f"inlier_kpts{index}": matched.xy[inlier],
+                f"inlier_kpts{index}": matched.xy[plane.inlier],
             }
         return result
 
@@ -88,18 +87,3 @@ class SipsMatcher(nn.Module):
         grey = as_grey(image)
         keypoints = self.detector.detect(grey, self.n)
         return Features(keypoints, self.descriptor.describe(grey, keypoints), self.descriptor.norm)
-
-    def _homography(self, xy0: NDArray[Any], xy1: NDArray[Any]) -> tuple[FloatArray | None, NDArray[np.bool_]]:
-        nothing = None, np.zeros(len(xy0), np.bool_)
-        if len(xy0) < FEWEST:
-            return nothing
-        H, inlier = cv2.findHomography(
-            xy0,
-            xy1,
-            cv2.USAC_MAGSAC,
-            self.ransac_reproj_thresh,
-            maxIters=self.ransac_iters,
-            confidence=self.ransac_conf,
-        )
-        # OpenCV's types do not tell of None, which it gives where there is no homography
-        return nothing if H is None else (np.asarray(H), np.asarray(inlier)[:, 0].astype(np.bool_))

@@ -10,9 +10,8 @@ from typing import Final
 
 import numpy as np
 import poselib
-from numpy.typing import NDArray
 
-from sips_lit.geometry.pose import PoseEstimate
+from sips_lit.geometry.pose import PoseEstimate, on_a_line
 from sips_lit.geometry.projection import project
 from sips_lit.types import Camera, FloatArray
 
@@ -20,7 +19,6 @@ ESTIMATOR: Final = f"P3P in LO-RANSAC, PoseLib {poselib.__version__}"
 """For protocols."""
 _UNIT_CAMERA: Final = {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [1.0, 0.0, 0.0]}
 _NO_FURTHER_REFINEMENT: Final = {"max_iterations": 0}  # PoseLib's last step has another loss: it loses inliers
-_FLAT: Final = 1e-6  # points this much nearer to a line than long determine no pose
 
 
 def p3p_ransac(
@@ -56,11 +54,6 @@ def p3p_ransac(
     pose = np.asarray(found.Rt, np.float64)
     errors = np.linalg.norm(project(X @ pose[:, :3].T + pose[:, 3], camera) - xy, axis=1)
     inlier = np.asarray(errors <= threshold, np.bool_)  # nothing agrees with a pose that is not finite
-    if inlier.sum() < 3 or _on_a_line(X[inlier]):
+    if inlier.sum() < 3 or on_a_line(X[inlier]):
         return none
     return PoseEstimate(np.vstack([pose, [0, 0, 0, 1]]), inlier)
-
-
-def _on_a_line(points: NDArray[np.float64]) -> bool:
-    spread = np.linalg.svd(points - points.mean(0), compute_uv=False)
-    return bool(spread[1] <= _FLAT * spread[0])

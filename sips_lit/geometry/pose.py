@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.types import FloatArray
+
+_FLAT: Final = 1e-6  # points this much nearer to a line than long determine no pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +24,12 @@ class PoseEstimate:
     def inliers(self) -> int:
         """How many agree."""
         return int(self.inlier.sum())
+
+
+def on_a_line(points: FloatArray) -> bool:
+    """Whether N points (N, D), N >= 2, are on one line, or all in one place."""
+    spread = np.linalg.svd(points - points.mean(0), compute_uv=False)
+    return bool(spread[1] <= _FLAT * spread[0])
 
 
 def translation_error(estimate: FloatArray, truth: FloatArray) -> float:
