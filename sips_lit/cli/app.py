@@ -7,7 +7,7 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -21,7 +21,10 @@ from sips_lit.cli.arguments import as_typed
 from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.explain import explain, explained
 from sips_lit.cli.help import answered
+from sips_lit.cli.keys import explain_composition, own_keys, plain_config
+from sips_lit.cli.options import refuse_options, sweep_first
 from sips_lit.cli.signals import leave_pipe
+from sips_lit.cli.unread import refuse_unread
 from sips_lit.cli.value_types import refuse_wrong_types
 from sips_lit.errors import BadInputError
 
@@ -39,8 +42,10 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     logging.raiseExceptions = False  # a disk that is full is told once, not with a traceback for each line of the log
     register_resolvers()
     quiet_lightning()
+    arguments = sweep_first(sys.argv[1:])
     try:
-        sys.argv[1:] = as_typed(sys.argv[1:])
+        refuse_options(arguments, lambda: own_keys(plain_config(config_name, arguments)))
+        sys.argv[1:] = as_typed(arguments)
     except BadInputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
@@ -53,10 +58,11 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
         register_resolvers()  # a launcher may have started another process
         quiet_lightning()
         with explained(config):
+            refuse_unread(config, config_name)
             return task(config)
 
     command.__module__, command.__qualname__ = __name__, config_name
-    with _errors_of_hydra():
+    with _errors_of_hydra(config_name, arguments):
         try:
             hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
         except Exception as error:
@@ -67,8 +73,8 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
 
 
 @contextmanager
-def _errors_of_hydra() -> Iterator[None]:
-    """What Hydra raises ends as it prints it, but a folder or log of the run that can't be written in one sentence."""
+def _errors_of_hydra(command: str, arguments: Sequence[str]) -> Iterator[None]:
+    """What Hydra raises ends in one sentence if it is about a key, a folder or a log, else as Hydra prints it."""
     name = "HYDRA_FULL_ERROR"
     asked = os.environ.get(name)
     os.environ[name] = "1"  # else Hydra prints a traceback of its own
@@ -77,12 +83,13 @@ def _errors_of_hydra() -> Iterator[None]:
     except BrokenPipeError:
         leave_pipe()
     except Exception as error:
-        sentence = None if isinstance(error, CompactHydraException) else explain(error)
         if asked:
             raise
+        of_hydra = isinstance(error, CompactHydraException)
+        sentence = explain_composition(error, command, arguments) if of_hydra else explain(error)
         if sentence is not None:
             print(f"error: {sentence}", file=sys.stderr)
-        elif isinstance(error, CompactHydraException):
+        elif of_hydra:
             told = [error, error.__cause__] if isinstance(error.__cause__, OmegaConfBaseException) else [error]
             print(*told, sep="\n", file=sys.stderr)
         else:
