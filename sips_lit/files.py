@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from sips_lit.errors import BadInputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from _typeshed import ReadableBuffer as Buffer
 
@@ -37,17 +37,29 @@ def write_whole(path: Path, content: Buffer) -> None:
 
     Raises BadInputError when it cannot be written.
     """
+    write_together({path: content})
+
+
+def write_together(contents: Mapping[Path, Buffer]) -> None:
+    """Writes files that belong together, each as `write_whole`: none gets its name before all are on the disk.
+
+    Raises BadInputError when one cannot be written.
+    """
     # no other process has this name, on another machine either, nor another thread
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
+    temporary = {path: path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp") for path in contents}
+    path = next(iter(contents))
     try:
-        with temporary.open("wb") as handle:
-            handle.write(content)
-            handle.flush()
-            os.fsync(handle.fileno())  # else a crash after the renaming may leave an empty file
-        temporary.replace(path)
+        for path, content in contents.items():
+            with temporary[path].open("wb") as handle:
+                handle.write(content)
+                handle.flush()
+                os.fsync(handle.fileno())  # else a crash after the renaming may leave an empty file
+        for path, unnamed in temporary.items():
+            unnamed.replace(path)
     except BaseException as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        for unnamed in temporary.values():
+            with contextlib.suppress(OSError):
+                unnamed.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise BadInputError(unwritten(path, error)) from error
         raise

@@ -5,26 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 from omegaconf import DictConfig
 
 from sips_lit.cli.app import run, typed
+from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint, require_finite
+from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
-from sips_lit.export.onnx import SHAPES, export_onnx
+from sips_lit.export.dense_map import DenseMap
+from sips_lit.export.program import IMAGE_TYPES, Exportable
+from sips_lit.export.top_k import TopPoints
+from sips_lit.export.usage import usage
+from sips_lit.export.write import NEEDS, SUFFIXES, require_packages, write_model
 from sips_lit.files import make_folder
 
-FORMATS = ("safetensors", "onnx")
-
-SAFETENSORS_USAGE = """\
-from sips_lit import SipsDetector
-detector = SipsDetector.from_checkpoint({path!r})
-keypoints = detector("image.png", n=50)"""
-
-ONNX_USAGE = """\
-import cv2, numpy, onnxruntime
-session = onnxruntime.InferenceSession({path!r})
-probability = session.run(None, {{"image": numpy.float32(cv2.imread("image.png", 0))[None, None]}})[0][0, 0]"""
+FORMATS: Final = ("safetensors", *SUFFIXES)
+OF_POINTS: Final = ("n", "threshold", "k", "nms_radius", "scales")
 
 
 @dataclass
@@ -34,43 +32,87 @@ class ExportOptions:
     checkpoint: str
     format: str
     output: str | None
+    points: bool
+    image_type: str
+    n: int | None
+    threshold: float | None
+    k: int | None
+    confidence: float
+    n_max: int
+    nms_radius: int | None
+    scales: int | None
+    subpixel: bool
 
 
 def export(config: DictConfig) -> None:
-    """Exports, checks, and prints what was written and how it is used.
-
-    ONNX holds the network for one image; of a multi-scale checkpoint the caller builds the pyramid (the text says so).
-    """
+    """Exports, checks, and prints what was written and how it is used."""
     options = typed(config, ExportOptions)
+    refuse_contradictions(options)
+    budget = budget_of(options)
     network, selector = load_checkpoint(options.checkpoint)
     path = output_path(options)
     require_finite(network, options.checkpoint)
-    make_folder(path.parent)
     if options.format == "safetensors":
+        make_folder(path.parent)
         written = export_safetensors(network, selector, path)
-        usage = SAFETENSORS_USAGE
     else:
-        difference = export_onnx(network, selector, path)
-        print(f"ONNX Runtime and PyTorch differ by at most {difference:.1e} (probabilities, {len(SHAPES)} image sizes)")
-        written, usage = [path], ONNX_USAGE
-        if network.scales > 1:
+        require_packages(options.format)
+        model = model_of(options, budget)
+        make_folder(path.parent)
+        written, difference = write_model(model, options.format, path, options.image_type)
+        print(f"{NEEDS[options.format].runtime} against the detector: {difference}")
+        if isinstance(model, DenseMap) and network.scales > 1:
             print(
                 f"the network detects on {network.scales} scales, a factor {network.scale_factor:.3f} apart: "
                 "the model is for one of them, run it on each level of an image pyramid"
             )
     print("wrote:\n" + "\n".join(f"  {file} ({file.stat().st_size / 1000:,.1f} kB)" for file in written))
-    print(f"\n{usage.format(path=str(path))}")
+    print(f"\n{usage(options.format, path, options.points, options.image_type)}")
+
+
+def refuse_contradictions(options: ExportOptions) -> None:
+    """Raises BadInputError for unknown values, and for keys that another one makes meaningless."""
+    if options.format not in FORMATS:
+        raise BadInputError(f"format is {options.format}: give {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
+    if options.image_type not in IMAGE_TYPES:
+        raise BadInputError(f"image_type is {options.image_type}: give {' or '.join(IMAGE_TYPES)}")
+    if options.points and options.format == "safetensors":
+        raise BadInputError(f"points=true needs a program, not weights alone: give format={' or '.join(SUFFIXES)}")
+    given = [name for name in OF_POINTS if getattr(options, name) is not None]
+    if given and not options.points:
+        raise BadInputError(f"{', '.join(given)}: how points are chosen is a part of the model with points=true only")
+    if options.n is not None and options.k is not None:
+        raise BadInputError(
+            f"n is {options.n} and k is {options.k}: give n for a fixed number of points, or k for enough"
+        )
+
+
+def budget_of(options: ExportOptions) -> Budget:
+    """How many points the model keeps. Raises BadInputError for values out of range."""
+    n = 50 if options.n is None else options.n
+    return Budget(n, options.threshold, options.k, options.confidence, options.n_max)
+
+
+def model_of(options: ExportOptions, budget: Budget) -> Exportable:
+    """The module that becomes a file. Raises BadInputError as `SipsDetector.from_checkpoint` and `TopPoints`."""
+    detector = SipsDetector.from_checkpoint(
+        options.checkpoint, subpixel=options.subpixel, nms_radius=options.nms_radius, scales=options.scales
+    )
+    if options.points:
+        return TopPoints(detector.network, detector.selector, budget)
+    return DenseMap(detector.network, detector.selector)
 
 
 def output_path(options: ExportOptions) -> Path:
-    """Where the export goes: beside the checkpoint unless ``output`` says otherwise.
+    """Where the export goes: beside the checkpoint unless ``output`` says otherwise, points as ``<name>-points``.
 
-    Raises BadInputError for an unknown format or an ``output`` that is not named like one.
+    Raises BadInputError for an ``output`` that is not named like its format.
     """
-    if options.format not in FORMATS:
-        raise BadInputError(f"format is {options.format}: give {' or '.join(FORMATS)}")
-    suffix = f".{options.format}"
-    path = Path(options.output) if options.output is not None else Path(options.checkpoint).with_suffix(suffix)
+    suffix = SUFFIXES.get(options.format, ".safetensors")
+    path = Path(options.checkpoint)
+    path = path.with_name(f"{path.stem if path.suffix else path.name}{'-points' if options.points else ''}{suffix}")
+    if options.output is not None:
+        path = Path(options.output)
     if path.suffix != suffix:
         raise BadInputError(f"output is {path}: name a file that ends in {suffix}")
     return path

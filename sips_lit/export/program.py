@@ -1,0 +1,52 @@
+"""An exported model as a program of torch.export (.pt2), for images of any size; other formats are made from it."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Final
+
+import torch
+from torch.export import Dim, ExportedProgram
+
+from sips_lit.detect.checkpoint import METADATA_KEY, config_json
+from sips_lit.export.dense_map import DenseMap
+from sips_lit.export.top_k import TopPoints
+
+Exportable = DenseMap | TopPoints
+
+IMAGE_TYPES: Final = {"float32": torch.float32, "uint8": torch.uint8}
+"""Of the values of an image, 0 to 255."""
+
+
+def program_of(model: Exportable, image_type: str = "float32") -> ExportedProgram:
+    """The operations of a model on an ``image`` (B, 1, H, W) whose B, H and W are free."""
+    side = 4 * model.network.radius
+    example = torch.zeros(
+        2, 1, side, side + 2, dtype=IMAGE_TYPES[image_type]
+    )  # a size of 1 would be taken for a constant
+    with torch.no_grad():
+        program = torch.export.export(
+            model, (example,), dynamic_shapes=({0: Dim("batch"), 2: Dim("height"), 3: Dim("width")},)
+        )
+    for module in program.graph_module.modules():
+        for node in module.graph.nodes if isinstance(module, torch.fx.GraphModule) else []:
+            node.meta.pop("stack_trace", None)  # paths of this machine
+    return program
+
+
+def metadata_of(model: Exportable) -> dict[str, str]:
+    """What a reader may want to know of a model: its configuration as JSON, and the version that wrote it."""
+    entries = {METADATA_KEY: config_json(model.network, model.selector), "sips_lit_version": version("sips_lit")}
+    if isinstance(model, TopPoints):
+        entries["sips_lit_budget"] = json.dumps(asdict(model.budget), sort_keys=True)
+    return entries
+
+
+def program_bytes(program: ExportedProgram, model: Exportable) -> bytes:
+    """The ``.pt2`` file, with the metadata as extra files."""
+    buffer = io.BytesIO()
+    torch.export.save(program, buffer, extra_files=metadata_of(model))
+    return buffer.getvalue()
