@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import itertools
 
 import numpy as np
 import torch
@@ -13,8 +13,8 @@ from sips_lit.detect.budget import Budget
 from sips_lit.detect.recalibration import REFERENCE_POINTS, Recalibration
 from sips_lit.detect.shared_effect import NODES, WEIGHTS, conditional_probabilities, logit, sigmoid
 
-ROUNDS = 3
-"""Of the search for the smallest number; each is a copy of the computation in the graph."""
+MOST_TRIED = 15
+"""Numbers of points that a round of the search tries; each round is a copy of the computation in the graph."""
 MOST_LOGIT = 15.0
 """Beyond it a probability is 0 or 1 for a number of inliers."""
 STEPS = 3001
@@ -52,10 +52,12 @@ def smallest_count(logits: Tensor, most: Tensor, budget: Budget, recalibration: 
 
     More points give more inliers, so each round tries a few numbers, equally spaced, and goes on between two of them.
     """
-    tried = math.ceil((logits.shape[1] + 1) ** (1 / ROUNDS)) - 1
+    answers = logits.shape[1] + 1
+    rounds = next(r for r in itertools.count(1) if (MOST_TRIED + 1) ** r >= answers)
+    tried = next(t for t in itertools.count(1) if (t + 1) ** rounds >= answers)
     part = torch.arange(1, tried + 1, device=logits.device)
     low, high = torch.ones_like(most), most + 1  # the smallest number is one of low, ..., high
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         counts = low[:, None] - 1 + (high - low + 1)[:, None] * part // (tried + 1)
         enough = probability_of_k(logits, counts, budget, recalibration) >= budget.confidence
         low = torch.maximum(low, torch.where(enough, 0, counts + 1).amax(1))

@@ -28,10 +28,10 @@ class TopPoints(nn.Module):
 
     description: Final = (
         "Succinct interest points: input `image` (B, 1, H, W), grey, 0 to 255; outputs `keypoints` (B, N, 2) float32, "
-        "(x, y) with (0, 0) at the centre of the top-left pixel, `scores` (B, N) float32, the probabilities of being inliers, "
-        "best first, and `count` (B,) int64, how many of the N rows are points: the others have (-1, -1) and 0. `enough` "
-        "(B,), where there is one, says whether they hold k inliers as surely as the budget asks. Metadata `sips_lit`: network, "
-        "selector, recalibration; `sips_lit_budget`: how many points are kept."
+        "(x, y) with (0, 0) at the centre of the top-left pixel, `scores` (B, N) float32, the probabilities of being "
+        "inliers, best first, and `count` (B,) int64, how many of the N rows are points: the others have (-1, -1) and 0. "
+        "`enough` (B,), where there is one, says whether they hold k inliers as surely as the budget asks. Metadata "
+        "`sips_lit`: network, selector, recalibration; `sips_lit_budget`: how many points are kept."
     )
 
     def __init__(self, network: ScoreNetwork, selector: PointSelector, budget: Budget) -> None:

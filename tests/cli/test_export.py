@@ -8,10 +8,12 @@ import pytest
 import torch
 
 import sips_lit.cli.export
+from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
+from sips_lit.export.parity import Difference
 
 EXTRA = all(importlib.util.find_spec(name) for name in ("onnx", "onnxscript", "onnxruntime"))
 
@@ -78,7 +80,7 @@ def test_onnx(command, checkpoint, tmp_path, frames, monkeypatch):
     assert result.code == 0, result.err
     path = tmp_path / "several.onnx"
     assert f"{path} ({path.stat().st_size / 1000:,.1f} kB)" in result.out
-    assert "differ by at most" in result.out
+    assert "ONNX Runtime against the detector: probabilities differ by at most" in result.out
     assert "detects on 3 scales, a factor 1.414 apart" in result.out
     monkeypatch.chdir(frames)
     names: dict[str, object] = {}
@@ -87,23 +89,66 @@ def test_onnx(command, checkpoint, tmp_path, frames, monkeypatch):
     np.testing.assert_allclose(names["probability"], expected, atol=1e-5)
 
 
-def test_onnx_is_of_one_scale_unless_told(command, mine, monkeypatch, tmp_path):
-    def quick(network: ScoreNetwork, selector: PointSelector, path: Path) -> float:
-        path.write_bytes(b"model")
-        return 2e-7
+@pytest.fixture
+def made(monkeypatch) -> list[tuple[object, ...]]:
+    """What would be written: models, formats, paths, types of the values."""
+    calls: list[tuple[object, ...]] = []
 
-    monkeypatch.setattr(sips_lit.cli.export, "export_onnx", quick)
-    result = command("export", f"checkpoint={mine}", "format=onnx", f"output={tmp_path}/a/b.onnx")
+    def write(model: object, kind: str, path: Path, image_type: str) -> tuple[list[Path], Difference]:
+        calls.append((model, kind, path, image_type))
+        path.write_bytes(b"model")
+        return [path], Difference(2e-7, 100, 1)
+
+    monkeypatch.setattr(sips_lit.cli.export, "write_model", write)
+    monkeypatch.setattr(sips_lit.cli.export, "require_packages", lambda kind: None)
+    return calls
+
+
+def test_a_model_of_points(command, mine, made):
+    arguments = ["format=openvino", "points=true", "k=7", "confidence=0.8", "n_max=90", "threshold=0.1", "nms_radius=3"]
+    result = command("export", f"checkpoint={mine}", *arguments, "subpixel=false", "image_type=uint8")
     assert result.code == 0, result.err
-    assert "differ by at most 2.0e-07" in result.out
+    ((model, kind, path, image_type),) = made
+    assert (kind, path, image_type) == ("openvino", mine.with_name("best-points.xml"), "uint8")
+    assert model.budget == Budget(50, 0.1, 7, 0.8, 90)
+    assert (model.selector.nms_radius, model.selector.subpixel) == (3, False)
+    assert "OpenVINO against the detector: 99 of 100 points are the same" in result.out
+    assert f"compile_model('{path}'" in result.out
     assert "scales" not in result.out
-    assert (tmp_path / "a" / "b.onnx").is_file()
+
+
+def test_fifty_points_unless_told(command, mine, made):
+    assert command("export", f"checkpoint={mine}", "format=onnx", "points=true").code == 0
+    assert command("export", f"checkpoint={mine}", "format=torch_export", "points=true", "n=7").code == 0
+    assert [(model.budget.n, path.name) for model, _, path, _ in made] == [
+        (50, "best-points.onnx"),
+        (7, "best-points.pt2"),
+    ]
+
+
+def test_points_of_one_of_several_scales(command, made, tmp_path):
+    export_safetensors(ScoreNetwork(3, 4, scales=3), PointSelector(), tmp_path / "several.safetensors")
+    arguments = [f"checkpoint={tmp_path}/several.safetensors", "format=onnx", "points=true"]
+    assert "detects on 3 scales" in command("export", *arguments).sentence
+    assert command("export", *arguments, "scales=1").code == 0
 
 
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["format=torchscript"], "format is torchscript: give safetensors or onnx"),
+        (["format=torchscript"], "format is torchscript: give safetensors, onnx, openvino or torch_export"),
+        (
+            ["points=true"],
+            "points=true needs a program, not weights alone: give format=onnx or openvino or torch_export",
+        ),
+        (["format=onnx", "n=5", "k=3"], "n, k: how points are chosen is a part of the model with points=true only"),
+        (["format=onnx", "points=true", "n=5", "k=3"], "n is 5 and k is 3: give n for a fixed number of points, or k"),
+        (["format=onnx", "points=true", "k=300"], "k is 300 and n_max is 200: n_max points can't hold k inliers"),
+        (["format=onnx", "points=true", "k=3", "confidence=1"], "confidence is 1: it is a probability"),
+        (["format=onnx", "points=true", "n=0"], "n is 0: an exported model needs at least one point"),
+        (["format=onnx", "points=true", "nms_radius=-1"], "nms_radius is -1"),
+        (["format=onnx", "image_type=float16"], "image_type is float16: give float32 or uint8"),
+        (["format=torch_export", "output=a.pt"], "name a file that ends in .pt2"),
         (["format="], "format is : give"),
         (["output=weights.pt"], "output is weights.pt: name a file that ends in .safetensors"),
         (["format=onnx", "output=weights.safetensors"], "ends in .onnx"),
