@@ -102,6 +102,23 @@ CARDS: Final[dict[str, Card]] = {
         "Share of inliers on pairs of this source. Near 0: its frames, order or poses don't fit.",
     ),
     "train/points": Card("3_labels/points", "Points that were selected in both images of a pair together."),
+    "time/decode": Card("4_time/decode", "Milliseconds in which a loading worker read and augmented the pair."),
+    "time/describe": Card(
+        "4_time/describe", "Milliseconds in which labelling threads described the points of the pair."
+    ),
+    "time/match": Card("4_time/match", "Milliseconds in which a labelling thread matched the points of the pair."),
+    "time/track": Card(
+        "4_time/track", "Milliseconds in which labelling threads tracked the points, or checked them otherwise."
+    ),
+    "time/select": Card("4_time/select", "Milliseconds in which the network selected the points of the pair."),
+    "time/forward": Card("4_time/forward", "Milliseconds of the forward pass at the points; on a GPU of starting it."),
+    "time/backward": Card("4_time/backward", "Milliseconds of the backward pass and the optimiser's step."),
+    "time/wait_decode": Card(
+        "4_time/wait_decode", "Milliseconds in which the network waited for frames: loading is the limit."
+    ),
+    "time/wait_labels": Card(
+        "4_time/wait_labels", "Milliseconds in which the network waited for labels: they are the limit."
+    ),
     "lr-": Card("5_run/lr-", "Learning rate of the step that follows."),
     "data/skipped_pairs": Card("5_run/skipped_pairs", "Training pairs left out so far because they can't be read."),
     "data/skipped_frames": Card("5_run/skipped_frames", "Frames left out so far because they can't be read."),
@@ -138,6 +155,8 @@ LAYOUT: Final = {
         "Loss": ["2_train/loss", "2_train/excess_loss"],
         "What becomes of the points": ["3_labels/(inlier|unmatched|lost|far)$"],
         "Inliers by source": ["3_labels/inlier_rate/.*"],
+        "Time of a step": ["4_time/(select|forward|backward|wait_decode|wait_labels)$"],
+        "Time beside the network": ["4_time/(decode|describe|match|track)$"],
     },
 }
 """Charts of the page *Custom Scalars*: titles and patterns of tags, lines that are read together in one chart."""

@@ -20,6 +20,7 @@ from omegaconf import DictConfig, OmegaConf
 from sips_lit.callbacks.continuation import Continuation
 from sips_lit.callbacks.fine_tuning import FineTuning
 from sips_lit.callbacks.prospects import Prospects
+from sips_lit.callbacks.step_times import StepTimes
 from sips_lit.callbacks.tensorboard import TensorBoard
 from sips_lit.cli.app import build, run
 from sips_lit.cli.benchmark import benchmark
@@ -86,6 +87,10 @@ def train(config: DictConfig) -> float:
         warn_input(told)  # a search goes on with it as the lowest score
         return auc
     _report(data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
+    workers = config.datamodule.loading_workers, config.datamodule.get("labelling_workers", 0)
+    for times in (callback.told(*workers) for callback in callbacks if isinstance(callback, StepTimes)):
+        if times is not None:
+            print(f"time:        {times}")
     if module.learns == "covariance":
         last = {name: float(trainer.callback_metrics[f"val/covariance_{name}"]) for name in ("error", "scale")}
         print(f"covariance:  error of its reliability {last['error']:.3f}, needed factor {last['scale']:.2f}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -116,9 +117,10 @@ class PackedPairs(Dataset[dict[str, Any] | BadInputError]):
         return self.pairs.name(index)
 
     def __getitem__(self, index: int) -> dict[str, Any] | BadInputError:
-        """Pair ``index``, for `unpack`."""
+        """Pair ``index``, for `unpack`, with the seconds that it took."""
+        start = time.perf_counter()
         try:
-            return pack(self.pairs[index])
+            return {**pack(self.pairs[index]), "seconds": time.perf_counter() - start}
         except BadInputError as error:
             return error
         except OSError as error:

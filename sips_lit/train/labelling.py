@@ -19,6 +19,7 @@ from sips_lit.matching.mutual_nearest import (
     mutual_nearest,
     mutual_nearest_lifetimes,
 )
+from sips_lit.train.step_times import Stopwatch
 from sips_lit.types import (
     Descriptor,
     Features,
@@ -44,31 +45,39 @@ def label_pair(
     parallel: Map = map,
     parts: int = 1,
     budgets: Sequence[int] = (),
+    watch: Stopwatch | None = None,
 ) -> tuple[PointLabels, PointLabels, MutualLifetimes]:
     """Labels of the points of both images, best first, and the matches that are inliers.
 
     An image may be a smaller copy of its frame (the first or the last): its points are judged where they are in the frame.
     ``budgets``: numbers of points among which matches are looked for, too; the share of a point is that of the budgets
     with it in which its match is an inlier. Only checks that judge each match by itself can judge those.
-    ``parallel`` may run up to ``parts`` calls at once; the labels don't change.
+    ``parallel`` may run up to ``parts`` calls at once; the labels don't change. ``watch`` gets the times of the stages
+    describe, match and track, which is what the check does.
     """
-    described0, described1 = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
+    watch = watch or Stopwatch()
+    with watch("describe"):
+        described0, described1 = parallel(descriptor.describe, (pair.image0, pair.image1), (keypoints0, keypoints1))
     features0 = Features(keypoints0, described0, descriptor.norm)
     features1 = Features(keypoints1, described1, descriptor.norm)
-    apart = distances(features0, features1)
-    whole = MutualLifetimes.of_all(mutual_nearest(apart))
+    with watch("match"):
+        apart = distances(features0, features1)
+        whole = MutualLifetimes.of_all(mutual_nearest(apart))
     keypoints0 = in_frame(keypoints0, pair.image0, pair.frames[0])
     keypoints1 = in_frame(keypoints1, pair.image1, pair.frames[-1])
-    prepared = check.prepare(pair, keypoints0, keypoints1)
-    judged = _in_parts(prepared, check.independent, whole.matches, parallel, parts)
+    with watch("track"):
+        prepared = check.prepare(pair, keypoints0, keypoints1)
+        judged = _in_parts(prepared, check.independent, whole.matches, parallel, parts)
     labels0 = _in_image(point_labels(judged, whole.index0, judged.known0), pair.image1, pair.frames[-1])
     labels1 = _in_image(point_labels(judged, whole.index1, judged.known1, 1), pair.image0, pair.frames[0])
     inliers = whole[judged.inlier]
     if budgets and check.independent:
-        lifetimes = mutual_nearest_lifetimes(apart)
+        with watch("match"):
+            lifetimes = mutual_nearest_lifetimes(apart)
         alive = [(lifetimes.first <= n) & (n <= lifetimes.last) for n in budgets]
         passing = lifetimes[(lifetimes.last < FOREVER) & np.any(alive, axis=0)]
-        inliers = inliers + passing[_in_parts(prepared, True, passing.matches, parallel, parts).inlier]
+        with watch("track"):
+            inliers = inliers + passing[_in_parts(prepared, True, passing.matches, parallel, parts).inlier]
         labels0 = replace(labels0, share=_shares(labels0.inlier, inliers, inliers.index0, budgets))
         labels1 = replace(labels1, share=_shares(labels1.inlier, inliers, inliers.index1, budgets))
     return labels0, labels1, inliers

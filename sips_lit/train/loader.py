@@ -6,7 +6,7 @@ import contextlib
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +19,7 @@ from sips_lit.matching.mutual_nearest import MutualLifetimes
 from sips_lit.pairs.sampler import SourcePair
 from sips_lit.train.dataset import PackedPairs, SkippedItems, unpack
 from sips_lit.train.labelling import Map, images_between, label_along, label_pair
+from sips_lit.train.step_times import Stopwatch
 from sips_lit.train.stream import LOADING_TIMEOUT, loaded, of_all_processes, step_back
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
@@ -27,7 +28,8 @@ from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 class LabelledPair:
     """What a training step needs: both images (1, 1, H, W) float, points, labels, inlier matches, where the pair is from.
 
-    ``skipped``: how many pairs the run left out so far because they can't be read.
+    ``skipped``: how many pairs the run left out so far because they can't be read; ``seconds``: how long it took by the
+    stages of `step_times`, without those of the network, and how long it was waited for.
     """
 
     image0: Tensor
@@ -40,6 +42,7 @@ class LabelledPair:
     source: int
     name: str
     skipped: int = 0
+    seconds: dict[str, float] = field(default_factory=dict, compare=False)
 
     def to(self, device: torch.device) -> LabelledPair:
         """The same with its images on a device; points and labels stay where they are small and used."""
@@ -123,12 +126,16 @@ class OneStepAhead:
             parts = self.labelling_workers // at_once  # of a pair: with more pairs than threads each takes a whole one
 
             def submitted(ahead: Points | None = None) -> _Labelling | None:
-                packed = next(stream, None)
+                watch = Stopwatch()
+                with watch("wait_decode"):
+                    packed = next(stream, None)
                 if packed is None:
                     return None
                 item = unpack(packed)
-                points = ahead or self._select(item)
-                label = partial(self._label, item, points, workers.map if parts > 1 else map, parts)
+                watch.add("decode", packed["seconds"])
+                with watch("select"):
+                    points = ahead or self._select(item)
+                label = partial(self._label, item, points, workers.map if parts > 1 else map, parts, watch)
                 return _Labelling(points, item.skipped, coordinators.submit(label))
 
             begun = (submitted(points) for points in self._ahead)
@@ -140,11 +147,13 @@ class OneStepAhead:
                 if not labelling:
                     return
                 first = labelling.popleft()
-                labelled = first.pair.result()
+                waiting = Stopwatch()
+                with waiting("wait_labels"):
+                    labelled = first.pair.result()
                 self.position += 1
                 self.skipped.add(first.skipped, self.position)
                 self._ahead = [pair.points for pair in labelling]
-                yield replace(labelled, skipped=self.skipped.count)
+                yield replace(labelled, skipped=self.skipped.count, seconds=labelled.seconds | waiting.seconds)
 
     def _select(self, item: SourcePair) -> Points:
         return tuple(map(self.select, (item.pair.image0, item.pair.image1, *self._images_between(item).values())))
@@ -152,7 +161,7 @@ class OneStepAhead:
     def _images_between(self, item: SourcePair) -> dict[int, GreyImage]:
         return images_between(item.pair, self.between) if self.checks[item.source].uses_frames else {}
 
-    def _label(self, item: SourcePair, points: Points, parallel: Map, parts: int) -> LabelledPair:
+    def _label(self, item: SourcePair, points: Points, parallel: Map, parts: int, watch: Stopwatch) -> LabelledPair:
         pair, check = item.pair, self.checks[item.source]
         keypoints0, keypoints1, *others = (selected.keypoints for selected in points)
         images = self._images_between(item)
@@ -164,10 +173,12 @@ class OneStepAhead:
             parallel=parallel,
             parts=parts,
             budgets=self.budgets,
+            watch=watch,
         )
         labels0, labels1, inliers = label_along(pair, keypoints0, keypoints1, between, label)
         ends = image_tensor(pair.image0), image_tensor(pair.image1)
-        return LabelledPair(*ends, points[0], points[1], labels0, labels1, inliers, item.source, pair.name)
+        labelled = LabelledPair(*ends, points[0], points[1], labels0, labels1, inliers, item.source, pair.name)
+        return replace(labelled, seconds=watch.seconds)
 
     def state_dict(self) -> dict[str, Any]:
         """Plain numbers and tensors, as a checkpoint may hold, of all processes: each has pairs of its own."""

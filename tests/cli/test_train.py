@@ -96,7 +96,7 @@ def test_every_tag_has_a_description_and_a_group_by_use(whole):
             assert len(told.summary_description.split()) >= 5, tag
             assert (told.plugin_data.plugin_name, told.data_class > 0) == (kind, True), tag
     groups = {tag.partition("/")[0] for kind in ("scalars", "images") for tag in events.Tags()[kind]}
-    assert groups == {"1_val", "2_train", "3_labels", "5_run"}
+    assert groups == {"1_val", "2_train", "3_labels", "4_time", "5_run"}
     assert "custom_scalars__config__" in events.summary_metadata
 
 
