@@ -24,6 +24,7 @@ from tiny_network import tiny_network
 
 import sips_lit
 from sips_lit.cli.app import register_resolvers
+from sips_lit.cli.arguments import with_keys
 from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.data import parser
 from sips_lit.detect.checkpoint import export_safetensors
@@ -74,7 +75,7 @@ def test_commands_are_understood(place, command, arguments, my_package):
         parser().parse_args(arguments)
         return
     register_resolvers()
-    overrides = [a for a in arguments if not a.startswith(("-", "hydra/", "hydra.launcher"))]
+    overrides = [a for a in with_keys(command, arguments) if not a.startswith(("-", "hydra/", "hydra.launcher"))]
     if "-m" in arguments:
         overrides = [first_of_sweep(override) for override in overrides]
     with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
@@ -91,6 +92,7 @@ def test_there_are_commands():
         "calibrate",
         "detect",
         "export",
+        "report",
         "speed",
     }
 

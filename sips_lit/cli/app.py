@@ -17,7 +17,7 @@ from hydra.errors import CompactHydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException, ValidationError
 
-from sips_lit.cli.arguments import as_typed
+from sips_lit.cli.arguments import as_typed, with_keys
 from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.explain import explain, explained
 from sips_lit.cli.help import answered
@@ -44,6 +44,7 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
     quiet_lightning()
     arguments = sweep_first(sys.argv[1:])
     try:
+        arguments = with_keys(config_name, arguments)
         refuse_options(arguments, lambda: own_keys(plain_config(config_name, arguments)))
         sys.argv[1:] = as_typed(arguments)
     except BadInputError as error:

@@ -99,7 +99,7 @@ def run_evaluation(
         raise BadInputError(f"no method could be measured: {reasons}")
     today = date.today().isoformat()
     written = write_report(folder, results, pictures, today, intervals=estimates) + videos
-    print("\nwrote:\n" + "\n".join(f"  {line}" for line in _listed(folder, written)))
+    tell_written(folder, written)
     return results
 
 
@@ -114,11 +114,12 @@ def labels_of(config: DictConfig) -> dict[str, str]:
     return {str(key): str(label) for key, label in given.items()}
 
 
-def _listed(folder: Path, files: Sequence[Path]) -> list[str]:
-    """The files in a folder by name, those in its subfolders by their number."""
+def tell_written(folder: Path, files: Sequence[Path]) -> None:
+    """Prints the files in a folder by name, those in its subfolders by their number."""
     inside = Counter(file.relative_to(folder).parts[0] for file in files if file.parent != folder)
     own = [str(file) for file in files if file.parent == folder and file.name not in inside]
-    return own + [f"{folder / name}/ ({count} {'file' if count == 1 else 'files'})" for name, count in inside.items()]
+    own += [f"{folder / name}/ ({count} {'file' if count == 1 else 'files'})" for name, count in inside.items()]
+    print("\nwrote:\n" + "\n".join(f"  {line}" for line in own))
 
 
 def told(skipped: dict[str, str]) -> Callable[[str, str], None]:

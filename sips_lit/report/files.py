@@ -6,12 +6,14 @@ import math
 import os
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import cv2
 from torch.utils.tensorboard import SummaryWriter
 
+from sips_lit.errors import BadInputError
 from sips_lit.evaluate.result import PairSetResult
 from sips_lit.files import make_folder, safe_name, write_whole
 from sips_lit.progress import progress
@@ -23,6 +25,7 @@ from sips_lit.report.figures import Styles, charts
 from sips_lit.report.intervals import Intervals
 from sips_lit.report.labels import styles_of, told_apart
 from sips_lit.report.page import PairPictures, report_page
+from sips_lit.report.pair_pictures import PairPicture
 from sips_lit.report.stored import store_results
 from sips_lit.report.tables import write_tables
 
@@ -36,11 +39,13 @@ def write_report(
     date: str | None = None,
     machine: Mapping[str, str] | None = None,
     intervals: Mapping[str, Intervals] | None = None,
+    notes: Sequence[str] = (),
 ) -> list[Path]:
     """Writes ``report.html``, ``results.json``, ``summary.csv``, CSV per pair set and method, figures and TensorBoard.
 
     ``date`` is shown as given; ``machine`` describes where the times were measured, this one if None; ``intervals`` by
-    the keys of the pair sets. Returns the files.
+    the keys of the pair sets; ``notes``: sentences at the head of the page. Returns the files.
+
     Raises BadInputError when one cannot be written, or a picture cannot be read.
     """
     make_folder(folder)
@@ -48,12 +53,14 @@ def write_report(
     styles = styles_of(results)
     numbers, page = folder / "results.json", folder / "report.html"
     machine = describe_machine() if machine is None else machine
-    store_results(numbers, results, date, machine)
-    written = [numbers, *write_tables(folder, results, intervals), *_write_pictures(folder / "pictures", pictures)]
+    drawn = _write_pictures(folder / "pictures", pictures)
+    store_results(numbers, results, date, machine, drawn)
+    written = [numbers, *write_tables(folder, results, intervals)]
+    written += [one.image for of_method in drawn.values() for one in of_method if isinstance(one.image, Path)]
     with SummaryWriter(str(folder / "tensorboard")) as writer:
         log_numbers(writer, results)
         written += _write_figures(folder / "figures", results, styles, writer)
-    html = report_page(results, pictures, styles, date, machine, intervals)
+    html = report_page(results, pictures, styles, date, machine, intervals, notes)
     write_whole(page, html.encode())
     return [page, *written, folder / "tensorboard"]
 
@@ -96,17 +103,28 @@ def _write_figures(folder: Path, results: Sequence[PairSetResult], styles: Style
     return written
 
 
-def _write_pictures(folder: Path, pictures: PairPictures) -> list[Path]:
-    """The pictures that are in no file yet, at full size."""
-    written = []
+def _write_pictures(folder: Path, pictures: PairPictures) -> dict[tuple[str, str], list[PairPicture]]:
+    """The pictures as files of the folder, at full size; those of other folders are copied."""
+    written = {}
     for (pair_set, method), drawn in pictures.items():
+        files = []
         for picture in drawn:
-            if isinstance(picture.image, Path):
-                continue
             make_folder(folder / safe_name(pair_set))
             path = folder / safe_name(pair_set) / f"{safe_name(method)}_{safe_name(picture.label)}.png"
-            written.append(_write_png(path, picture.image))
+            if not isinstance(picture.image, Path):
+                _write_png(path, picture.image)
+            elif not path.exists() or not path.samefile(picture.image):
+                write_whole(path, _content(picture.image))
+            files.append(replace(picture, image=path))
+        written[pair_set, method] = files
     return written
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise BadInputError(f"the picture {file} can't be read ({error.strerror}): leave it out") from error
 
 
 def _write_png(path: Path, picture: Picture) -> Path:

@@ -64,15 +64,17 @@ def report_page(
     date: str | None,
     machine: Mapping[str, str],
     intervals: Mapping[str, Intervals] | None = None,
+    notes: Sequence[str] = (),
 ) -> str:
     """The whole page; every text from outside is escaped. ``intervals`` by the keys of the pair sets.
 
-    Raises BadInputError when a picture cannot be read.
+    ``notes``: sentences for its head. Raises BadInputError when a picture cannot be read.
     """
     known = intervals or {}
     columns = [column for result in results for column in columns_of(result.detectors)]
     return _TEMPLATES.get_template("page.html.j2").render(
         date=date,
+        notes=notes,
         machine=protocol_rows(machine),
         sections=[
             _section(index, result, pictures, styles, known.get(result.key, Intervals()))

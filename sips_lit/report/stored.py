@@ -15,15 +15,28 @@ import numpy as np
 
 from sips_lit.evaluate.result import MethodResult, PairSetResult
 from sips_lit.files import write_whole
+from sips_lit.report.pair_pictures import PairPicture
 
 FORMAT: Final = "sips_lit benchmark 1"
 
 
 def store_results(
-    path: Path, results: Sequence[PairSetResult], date: str | None = None, machine: Mapping[str, str] | None = None
+    path: Path,
+    results: Sequence[PairSetResult],
+    date: str | None = None,
+    machine: Mapping[str, str] | None = None,
+    pictures: Mapping[tuple[str, str], Sequence[PairPicture]] | None = None,
 ) -> None:
-    """Writes all records. Raises BadInputError when the file cannot be written."""
-    content = {"format": FORMAT, "date": date, "machine": machine or {}, "pair_sets": results}
+    """Writes all records, and where the files of ``pictures`` are, which lie below the folder of ``path``.
+
+    Pictures by the keys of pair set and method. Raises BadInputError when the file cannot be written.
+    """
+    listed = [
+        {"pair_set": pair_set, "method": method, "label": one.label, "caption": one.caption, "file": _below(path, one)}
+        for (pair_set, method), drawn in (pictures or {}).items()
+        for one in drawn
+    ]
+    content = {"format": FORMAT, "date": date, "machine": machine or {}, "pair_sets": results, "pictures": listed}
     write_whole(path, (json.dumps(plain(content), allow_nan=False) + "\n").encode())
 
 
@@ -47,3 +60,8 @@ def plain(value: Any) -> Any:
             return "inf" if value > 0 else "-inf"
         return int(value) if value.is_integer() else value
     return value if value is None or isinstance(value, bool | int | str) else str(value)
+
+
+def _below(path: Path, picture: PairPicture) -> str:
+    assert isinstance(picture.image, Path)
+    return picture.image.relative_to(path.parent).as_posix()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from sips_lit.cli.arguments import as_typed, quoted
+from sips_lit.cli.arguments import as_typed, quoted, with_keys
 from sips_lit.errors import BadInputError
 
 NAMES = ["2024_01_01", "10", "1e3", "0x10", "true", "inf", "a (copy).mp4", "a=b", "it's", 'say "x"', "#1", "~x", "a~b"]
@@ -125,3 +125,15 @@ def test_names_that_no_file_has():
     for value in ("a" * 256, "b/" + "é" * 128, f"[a,{'b' * 256}]"):
         with pytest.raises(BadInputError, match="can't be a path: the name of a file or folder has at most 255 bytes"):
             as_typed([f"data.path={value}"])
+
+
+def test_plain_arguments_are_the_files_of_a_command_that_takes_them(tmp_path):
+    odd = tmp_path / "run=1"
+    odd.mkdir()
+    given = ["a b.json", "labels={a: b}", "--config-dir", "conf", str(odd), "it's", "-m", "c.json"]
+    *others, last = as_typed(with_keys("report", given))
+    assert others == ["labels={a: b}", "--config-dir", "conf", "-m"]
+    assert last.startswith("results=[")
+    assert parsed(last) == ["a b.json", str(odd), "it's", "c.json"]
+    assert with_keys("report", ["results=a"]) == ["results=a"]
+    assert with_keys("detect", ["photo.jpg"]) == ["photo.jpg"]

@@ -8,7 +8,7 @@ from omegaconf import OmegaConf
 
 import sips_lit
 from sips_lit.cli.app import register_resolvers
-from sips_lit.cli.arguments import as_typed
+from sips_lit.cli.arguments import as_typed, with_keys
 from sips_lit.cli.conf_files import CONF_DIR, head
 from sips_lit.cli.help import answer, help_text
 
@@ -18,7 +18,7 @@ COMMANDS = sorted(path.stem for path in CONF_DIR.glob("*.yaml"))
 def composed(command: str, *arguments: str):
     register_resolvers()
     with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
-        return compose(command, as_typed(arguments))
+        return compose(command, as_typed(with_keys(command, arguments)))
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -163,6 +163,7 @@ def in_json(value):
 def test_results_json(result, folder):
     stored = json.loads((folder / "results.json").read_text())
     assert (stored.pop("date"), stored.pop("machine")) == ("a date", {"cores": "2"})
+    assert stored.pop("pictures") == []
     assert stored.pop("format") == "sips_lit benchmark 1"
     (pair_set,) = stored.pop("pair_sets")
     assert stored == {}
