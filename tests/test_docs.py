@@ -92,6 +92,7 @@ def test_there_are_commands():
         "calibrate",
         "detect",
         "export",
+        "match",
         "report",
         "speed",
     }
@@ -233,3 +234,17 @@ def test_the_documented_formats_run(tmp_path, monkeypatch):
     assert len(names["listed"]) == 50
     assert names["lafs"].shape == (1, 50, 2, 3)
     assert names["result"]["num_inliers"] > 4
+
+
+def test_the_documented_matching_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, image in zip(("a.jpg", "b.jpg"), flight(2, size=(160, 120)).frames, strict=True):
+        cv2.imwrite(str(tmp_path / name), image)
+    snippets = [block for block in blocks("python") if block.page == "docs/how-to/match.md"]
+    for block in snippets:
+        names: dict[str, object] = {}  # each can be copied alone
+        exec(compile(block.text, str(block), "exec"), names)
+        assert names["pair" if "pair" in names else "posed"].inlier.sum() > 20
+    assert len(snippets) == 3
+    pictures = [cv2.imread(str(tmp_path / name)) for name in ("matches.png", "opencv.png")]
+    assert [picture.shape[1] for picture in pictures] == [326, 320]

@@ -18,13 +18,14 @@ PATH_KEYS: Final = frozenset(
     {"path", "root", "input", "output", "checkpoint", "ckpt_path", "pairs_file", "features", "images", "weights"}
     | {"init", "teacher"}
     | {"results", "cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir", "names"}
+    | {"camera"}
 )
 """Last parts of the keys that hold paths and names of files; all keys of the group ``paths`` do, too."""
 _KEY = r"(\+{0,2})([\w.@/-]+)"
 _OVERRIDE = re.compile(rf"{_KEY}=(.*)", re.DOTALL)
 _STAYS = re.compile(r"null|\?\?\?|(['\"]).*\1", re.DOTALL)
 _SWEEP = re.compile(r"(choice|glob|range|sort|shuffle)\(.*\)", re.DOTALL)
-POSITIONAL: Final = {"report": "results"}
+POSITIONAL: Final = {"report": "results", "match": "input"}
 """Keys that take the plain arguments of a command, as a list."""
 _MULTIRUN = frozenset({"-m", "--multirun", "hydra.mode=MULTIRUN"})
 # up to a comma that is not in quotes or, of a list within a multirun, in brackets
@@ -35,6 +36,7 @@ def with_keys(command: str, arguments: Sequence[str]) -> list[str]:
     """The arguments with the plain ones, which are files and no ``key=value``, as the list of the command's key for them.
 
     ``sips-report a.json b.json`` is ``sips-report results=['a.json','b.json']``. What is there is one whatever its name.
+    Raises BadInputError for plain ones beside the key.
     """
     key = POSITIONAL.get(command)
     if key is None:
@@ -45,6 +47,8 @@ def with_keys(command: str, arguments: Sequence[str]) -> list[str]:
         option = argument.startswith(("-", "~")) or (before.startswith("-") and before not in _MULTIRUN)
         is_file = not option and (not _OVERRIDE.fullmatch(argument) or Path(argument).exists())
         (plain if is_file else others).append(argument)
+    if plain and any(argument.startswith(f"{key}=") for argument in others):
+        raise BadInputError(f"there are both {plain[0]} and {key}=: give the files in one of these ways")
     return [*others, *([f"{key}=[{','.join(map(_as_text, plain))}]"] if plain else [])]
 
 

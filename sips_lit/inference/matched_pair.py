@@ -18,6 +18,8 @@ from sips_lit.types import GreyImage, Inliers, Keypoints, Matches, Reason
 
 FEW_INLIERS: Final = 10
 """The k of the paper: a model with fewer inliers may be chance."""
+SHOWN_WIDTH: Final = 1200
+"""Pixels of a window or a page that shows the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ class MatchedPair:
     def picture(self, max_side: int | None = 1200, name: str = "") -> Picture:
         """Both images side by side, their points, and lines that join the inliers: RGB uint8 (H, W, 3).
 
-        Images whose longer side exceeds ``max_side`` pixels are shrunk for it; None: as they are. ``name``: of the pair, for the caption.
+        Images whose longer side exceeds ``max_side`` pixels are shrunk for it; None: as they are. ``name``: for the caption.
         """
         modelled = self.homography is not None or self.T_1_0 is not None
         other = Reason.FAR if modelled else Reason.UNKNOWN
@@ -92,7 +94,7 @@ class MatchedPair:
         )
         known0, known1 = np.ones(len(points0), np.bool_), np.ones(len(points1), np.bool_)
         inliers = Inliers(self.inlier, reason, known0, known1)
-        return draw_matches(image0, image1, points0, points1, self.matches, inliers, name=name)
+        return draw_matches(image0, image1, points0, points1, self.matches, inliers, None, None, name, SHOWN_WIDTH)
 
 
 def _shrunk(image: GreyImage, keypoints: Keypoints, max_side: int | None) -> tuple[GreyImage, Keypoints]:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import csv
 import io
 from pathlib import Path
-from typing import Any, Literal, NoReturn, Protocol
+from typing import Any, Literal, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
-from sips_lit.files import Unfinished, disk_of, make_folder, unwritten, write_whole
+from sips_lit.files import disk_of, make_folder, write_whole
 from sips_lit.formats.colmap import ColmapDatabase, ColmapText
 from sips_lit.formats.hloc import HlocFeatures
+from sips_lit.inference.csv_table import CsvTable
 from sips_lit.inference.streams import Frame
 from sips_lit.render.points import draw_points
 from sips_lit.types import Descriptor, Keypoints
@@ -137,17 +136,12 @@ class CsvWriter:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path, self.rows, self.unfinished = path, 0, Unfinished(path)
-        try:
-            self.file = self.unfinished.temporary.open("w", newline="", encoding="utf-8")
-        except OSError as error:
-            raise BadInputError(unwritten(path, error)) from error
-        self.started = False
+        self.table, self.rows, self.started = CsvTable(path), 0, False
 
     @property
     def written(self) -> str:
         """What was written so far."""
-        return f"{self.path.name} ({self.rows} rows)"
+        return f"{self.table.path.name} ({self.rows} rows)"
 
     def write(self, frame: Frame, keypoints: Keypoints) -> None:
         """Appends one row per point."""
@@ -156,40 +150,20 @@ class CsvWriter:
             columns.append(keypoints.covariance.reshape(-1, 4)[:, [0, 1, 3]])
         self._start(keypoints.covariance is not None)
         numbers = np.column_stack(columns)
-        self._append([[frame.name, *(str(number) for number in row)] for row in numbers])  # shortest exact float32
+        self.table.append([[frame.name, *(str(number) for number in row)] for row in numbers])  # shortest exact float32
         self.rows += len(keypoints)
 
     def close(self) -> None:
         """Finishes the table, of the frames so far; one that no longer fits on the disk is removed."""
-        if self.file.closed:
-            return
-        self._start(covariances=False)
-        try:
-            self.file.close()
-        except OSError as error:
-            self._give_up(error)
-        self.unfinished.finish()
+        if not self.table.closed:
+            self._start(covariances=False)
+        self.table.close()
 
     def _start(self, covariances: bool) -> None:
         """The head of the table, before the first points."""
         if not self.started:
             self.started = True
-            self._append([["frame", "x", "y", "score", "scale", *(("xx", "xy", "yy") if covariances else ())]])
-
-    def _append(self, rows: list[list[str]]) -> None:
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(rows)
-        try:
-            self.file.write(text.getvalue())
-            self.file.flush()
-        except OSError as error:
-            self._give_up(error)
-
-    def _give_up(self, error: OSError) -> NoReturn:
-        with contextlib.suppress(OSError):
-            self.file.close()
-        self.unfinished.discard()
-        raise BadInputError(unwritten(self.path, error)) from error
+            self.table.append([["frame", "x", "y", "score", "scale", *(("xx", "xy", "yy") if covariances else ())]])
 
 
 class PictureWriter(PointWriter):

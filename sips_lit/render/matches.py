@@ -22,7 +22,7 @@ COLOURS: Final[dict[Reason, Colour]] = {
 }
 _GAP: Final = 6
 _TEXT, _LEAST_TEXT = 18, 11  # pixels, of text in a picture of full size, and in small ones
-_AT_FULL_SIZE: Final = 640
+AT_FULL_SIZE: Final = 640
 """Pixels of a picture's width up to which it is taken to be shown as it is; a wider one is shown smaller, as TensorBoard
 does, so its overlays and its text grow with it."""
 
@@ -37,12 +37,13 @@ def draw_matches(
     score_map0: FloatArray | None = None,
     score_map1: FloatArray | None = None,
     name: str = "",
+    shown_width: int = AT_FULL_SIZE,
 ) -> Picture:
     """Both images side by side, beneath them their score maps (probabilities, as large as the image): RGB uint8.
 
     Each point is a circle as thick as its probability in the colour of its `Reason`; lines join inlier matches. The
     caption has the ``name`` of the pair if it is given, counts, and tells what colours mean. The images may differ in size,
-    and either score map may be missing.
+    and either score map may be missing. A picture wider than ``shown_width`` is taken to be shown so wide.
     """
     rows: list[tuple[Picture | None, Picture | None]] = [(to_picture(image0), to_picture(image1))]
     maps = [None if scores is None else probability_colours(scores) for scores in (score_map0, score_map1)]
@@ -50,7 +51,7 @@ def draw_matches(
         rows.append((maps[0], maps[1]))
     height, left1 = max(image0.shape[0], image1.shape[0]), image0.shape[1] + _GAP
     width = left1 + image1.shape[1]
-    scale = max(1.0, width / _AT_FULL_SIZE)
+    scale = max(1.0, width / shown_width)
     reasons0 = _point_reasons(matches.index0, inliers.reason, inliers.known0)
     reasons1 = _point_reasons(matches.index1, inliers.reason, inliers.known1)
 
@@ -75,7 +76,7 @@ def draw_matches(
         panels += [row, np.full((_GAP, width, 3), GROUND, np.uint8)]
     points = f"{len(keypoints0)}" if len(keypoints0) == len(keypoints1) else f"{len(keypoints0)} + {len(keypoints1)}"
     summary = f"{points} points, {len(matches)} matches, {int(inliers.inlier.sum())} inliers"
-    size = max(_LEAST_TEXT, round(_TEXT * width / _AT_FULL_SIZE))
+    size = max(_LEAST_TEXT, round(_TEXT * width / shown_width))
     present = [reason for reason in COLOURS if np.any(np.concatenate([reasons0, reasons1]) == reason)]
     pieces = [words(name, size)] if name else []
     pieces += [words(summary, size), *(ring_key(reason.name.lower(), COLOURS[reason], size) for reason in present)]

@@ -68,7 +68,7 @@ def test_every_group_is_covered():
     groups = {path.name for path in CONF_DIR.iterdir() if path.is_dir()}
     assert groups == {group for groups in GROUPS.values() for group in groups} | OTHERS
     commands = {path.stem for path in CONF_DIR.glob("*.yaml")}
-    assert commands == {*GROUPS, "benchmark", "calibrate", "detect", "export", "report", "speed"}
+    assert commands == {*GROUPS, "benchmark", "calibrate", "detect", "export", "match", "report", "speed"}
 
 
 def test_an_evaluation_has_the_keys_that_are_read_and_the_defaults_of_the_code():

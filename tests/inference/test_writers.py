@@ -53,10 +53,10 @@ def test_csv_reads_back_exactly(tmp_path):
     writer = CsvWriter(tmp_path / "new" / "points.csv")
     writer.write(frame("a,b"), POINTS)
     writer.write(frame("none"), Keypoints.empty())
-    assert not writer.path.exists()  # half a table would look like a whole one
+    assert not writer.table.path.exists()  # half a table would look like a whole one
     writer.close()
-    assert names(writer.path.parent) == ["points.csv"]
-    with writer.path.open(newline="") as handle:
+    assert names(writer.table.path.parent) == ["points.csv"]
+    with writer.table.path.open(newline="") as handle:
         rows = list(csv.DictReader(handle))
     assert writer.written == "points.csv (2 rows)"
     assert [row["frame"] for row in rows] == ["a,b", "a,b"]
