@@ -233,7 +233,7 @@ def test_every_target_is_ours_or_of_what_we_depend_on():
                 assert target.startswith(("sips_lit.", "lightning.", "torch.", "torchmetrics.")), (path, target)
 
 
-@pytest.mark.parametrize("name", ["index", "evaluate", "benchmark", "calibrate", "detect", "export", "speed"])
+@pytest.mark.parametrize("name", ["index", "evaluate", "benchmark", "calibrate", "detect", "export", "match", "speed"])
 def test_unknown_keys_are_refused(command, name):
     result = command(name, "nonsense=1")
     assert result.code == 1
