@@ -95,6 +95,7 @@ def test_there_are_commands():
         "match",
         "report",
         "speed",
+        "odometry",
     }
 
 

@@ -1,4 +1,4 @@
-"""Poses: an estimated one, how far it is from the true one (paper, pose errors), and rotations of quaternions."""
+"""Poses: an estimated one, how far it is from the true one (paper, pose errors), and rotations as quaternions."""
 
 from __future__ import annotations
 
@@ -59,3 +59,20 @@ def to_rotation(quaternion: FloatArray) -> NDArray[np.float64]:
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), 2, 0)
+
+
+def to_quaternion(rotation: FloatArray) -> NDArray[np.float64]:
+    """Unit quaternions (N, 4) in the order x, y, z, w, with w >= 0, of rotation matrices (N, 3, 3).
+
+    The largest eigenvector of a symmetric matrix, which no angle makes singular (Bar-Itzhack, JGCD 2000).
+    """
+    R = np.asarray(rotation, np.float64).reshape(-1, 3, 3)
+    symmetric = np.empty((len(R), 4, 4))
+    symmetric[:, :3, :3] = R + R.transpose(0, 2, 1)
+    trace = np.trace(R, axis1=1, axis2=2)
+    symmetric[:, range(3), range(3)] -= trace[:, None]
+    antisymmetric = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], 1)
+    symmetric[:, :3, 3] = symmetric[:, 3, :3] = antisymmetric
+    symmetric[:, 3, 3] = trace
+    quaternion = np.linalg.eigh(symmetric)[1][:, :, -1]
+    return np.where(quaternion[:, 3:] < 0, -quaternion, quaternion)

@@ -68,7 +68,7 @@ def test_every_group_is_covered():
     groups = {path.name for path in CONF_DIR.iterdir() if path.is_dir()}
     assert groups == {group for groups in GROUPS.values() for group in groups} | OTHERS
     commands = {path.stem for path in CONF_DIR.glob("*.yaml")}
-    assert commands == {*GROUPS, "benchmark", "calibrate", "detect", "export", "match", "report", "speed"}
+    assert commands == {*GROUPS, "benchmark", "calibrate", "detect", "export", "match", "odometry", "report", "speed"}
 
 
 def test_an_evaluation_has_the_keys_that_are_read_and_the_defaults_of_the_code():
@@ -233,7 +233,9 @@ def test_every_target_is_ours_or_of_what_we_depend_on():
                 assert target.startswith(("sips_lit.", "lightning.", "torch.", "torchmetrics.")), (path, target)
 
 
-@pytest.mark.parametrize("name", ["index", "evaluate", "benchmark", "calibrate", "detect", "export", "match", "speed"])
+@pytest.mark.parametrize(
+    "name", ["index", "evaluate", "benchmark", "calibrate", "detect", "export", "odometry", "match", "speed"]
+)
 def test_unknown_keys_are_refused(command, name):
     result = command(name, "nonsense=1")
     assert result.code == 1

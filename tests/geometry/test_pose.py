@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sips_lit.geometry.pose import PoseEstimate, rotation_error, to_rotation, translation_error
+from sips_lit.geometry.pose import PoseEstimate, rotation_error, to_quaternion, to_rotation, translation_error
 
 
 def turned(vector: np.ndarray, translation: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:
@@ -67,3 +67,14 @@ def test_none_of_length_zero():
 def test_both_signs_are_the_same_rotation(sign):
     q = np.array([[0.1, 0.2, 0.3, 0.9]])
     np.testing.assert_allclose(to_rotation(sign * q), to_rotation(q))
+
+
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 1e-9, 0.4, 3.0, np.pi - 1e-9, np.pi]))
+@settings(max_examples=40, deadline=None)
+def test_a_quaternion_of_a_rotation_leads_back_to_it(seed, angle):
+    axis = np.random.default_rng(seed).normal(size=3)
+    R = turned(angle * axis / np.linalg.norm(axis))[:3, :3]
+    q = to_quaternion(R[None])
+    np.testing.assert_allclose(to_rotation(q)[0], R, atol=1e-9)
+    assert np.linalg.norm(q) == pytest.approx(1)
+    assert q[0, 3] == pytest.approx(np.cos(angle / 2), abs=1e-7)  # the real part comes last
