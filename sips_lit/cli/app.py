@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import hydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException, ValidationError
 
@@ -22,8 +24,11 @@ from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.explain import explain, explained
 from sips_lit.cli.help import answered
 from sips_lit.cli.keys import explain_composition, own_keys, plain_config
+from sips_lit.cli.next_steps import told
 from sips_lit.cli.options import refuse_options, sweep_first
+from sips_lit.cli.run_log import log_file, logged
 from sips_lit.cli.signals import leave_pipe
+from sips_lit.cli.sweep_table import table_at_end
 from sips_lit.cli.unread import refuse_unread
 from sips_lit.cli.value_types import refuse_wrong_types
 from sips_lit.errors import BadInputError
@@ -31,9 +36,14 @@ from sips_lit.errors import BadInputError
 Options = TypeVar("Options")
 
 
-def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
+def run(
+    config_name: str,
+    task: Callable[[DictConfig], Any],
+    following: Callable[[DictConfig], Sequence[Sequence[str]]] | None = None,
+) -> None:
     """Runs a command: composes ``conf/<config_name>.yaml`` with the command line and calls ``task`` with it.
 
+    What the terminal says is also in the log of the run's folder. ``following``: commands that one may want next.
     Bad input ends in one sentence on standard error and exit code 1, Ctrl-C in exit code 130, SIGTERM in 143. A job of a
     multirun that fails does not stop the others. ``--help`` and ``--version`` are answered instead.
     """
@@ -58,12 +68,15 @@ def run(config_name: str, task: Callable[[DictConfig], Any]) -> None:
         begun = True
         register_resolvers()  # a launcher may have started another process
         quiet_lightning()
-        with explained(config):
+        with logged(log_file()), explained(config):
             refuse_unread(config, config_name)
-            return task(config)
+            result = task(config)
+            if following is not None and log_file() is not None and HydraConfig.get().mode == RunMode.RUN:
+                print(told(following(config)))
+            return result
 
     command.__module__, command.__qualname__ = __name__, config_name
-    with _errors_of_hydra(config_name, arguments):
+    with _errors_of_hydra(config_name, arguments), table_at_end(config_name):
         try:
             hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
         except Exception as error:

@@ -10,6 +10,7 @@ from omegaconf import DictConfig
 from sips_lit.cli.app import run
 from sips_lit.cli.evaluation import best_auc, run_evaluation, told
 from sips_lit.cli.methods import make_methods
+from sips_lit.cli.next_steps import tensorboard
 
 
 def benchmark(config: DictConfig) -> float:
@@ -19,7 +20,7 @@ def benchmark(config: DictConfig) -> float:
     return best_auc(run_evaluation(config, methods, skipped, Path(config.paths.run)))
 
 
-main = partial(run, "benchmark", benchmark)
+main = partial(run, "benchmark", benchmark, tensorboard)
 
 if __name__ == "__main__":
     main()

@@ -10,6 +10,7 @@ from omegaconf import DictConfig
 from sips_lit.cli.app import run
 from sips_lit.cli.evaluation import best_auc, run_evaluation
 from sips_lit.cli.methods import configured_method
+from sips_lit.cli.next_steps import tensorboard
 
 
 def evaluate(config: DictConfig) -> float:
@@ -17,7 +18,7 @@ def evaluate(config: DictConfig) -> float:
     return best_auc(run_evaluation(config, [configured_method(config)], {}, Path(config.paths.run)))
 
 
-main = partial(run, "evaluate", evaluate)
+main = partial(run, "evaluate", evaluate, tensorboard)
 
 if __name__ == "__main__":
     main()

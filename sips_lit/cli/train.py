@@ -27,6 +27,7 @@ from sips_lit.cli.benchmark import benchmark
 from sips_lit.cli.evaluation import make_pair_sets
 from sips_lit.cli.explain import explain
 from sips_lit.cli.methods import make_methods
+from sips_lit.cli.next_steps import after_training
 from sips_lit.cli.resuming import find_start, record_of
 from sips_lit.cli.run_settings import settings_of
 from sips_lit.detect.checkpoint import export_safetensors, start_from
@@ -86,7 +87,7 @@ def train(config: DictConfig) -> float:
             raise BadInputError(told)
         warn_input(told)  # a search goes on with it as the lowest score
         return auc
-    _report(data, best, auc, Path(config.paths.run), Path(config.paths.outputs))
+    _report(data, best, auc, Path(config.paths.run))
     workers = config.datamodule.loading_workers, config.datamodule.get("labelling_workers", 0)
     for times in (callback.told(*workers) for callback in callbacks if isinstance(callback, StepTimes)):
         if times is not None:
@@ -167,15 +168,14 @@ def _best(trainer: L.Trainer) -> tuple[Path | None, float]:
     return Path(getattr(checkpoint, "best_model_path", "")), float(score)
 
 
-def _report(data: ValidationDataModule, best: Path | None, auc: float, folder: Path, outputs: Path) -> None:
+def _report(data: ValidationDataModule, best: Path | None, auc: float, folder: Path) -> None:
     if data.skipped.count:
         print(f"warning: {data.skipped}", file=sys.stderr)
     print(f"\nbest validation AUC {auc:.3f} on {len(data.val_choices)} fixed pairs ({data.validation_digest()})")
     print(f"checkpoint:  {best or 'none'}\npictures:    {folder / 'pictures'}")
-    print(f"TensorBoard: tensorboard --logdir {outputs}")
 
 
-main = partial(run, "train", train)
+main = partial(run, "train", train, after_training)
 
 if __name__ == "__main__":
     main()
