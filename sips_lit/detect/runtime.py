@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from importlib.util import find_spec
@@ -122,6 +123,19 @@ class OnnxRuntime(_Exported):
         return self.session.run(["logits"], {"image": image})[0]
 
 
+def openvino_core(what: str) -> Any:
+    """OpenVINO's core, for ``what`` of the user. Raises BadInputError where it is not installed.
+
+    There is one in a process and it never ends: with cores that came and went, memory of others was overwritten.
+    """
+    return _only_core(import_extra("openvino", EXTRA, what).Core)
+
+
+@lru_cache(1)
+def _only_core(make: Callable[[], Any]) -> Any:
+    return make()
+
+
 class OpenVino(_Exported):
     """OpenVINO on the CPU, with as many threads as PyTorch has. Raises BadInputError where it is not installed.
 
@@ -131,15 +145,14 @@ class OpenVino(_Exported):
     name = "openvino"
 
     def __init__(self, network: ScoreNetwork, bf16: bool = False) -> None:
-        openvino = import_extra("openvino", EXTRA, "runtime=openvino")
+        self.core = openvino_core("runtime=openvino")
         super().__init__(network)
-        self.core = openvino.Core()
         self.options = {
             "PERFORMANCE_HINT": "LATENCY",
             "INFERENCE_NUM_THREADS": torch.get_num_threads(),
             "INFERENCE_PRECISION_HINT": "bf16" if bf16 else "f32",  # left alone it takes bf16 where the CPU has it
         }
-        self._compiled = lru_cache(SIZES_KEPT)(self._compile)
+        self._compiled: OrderedDict[tuple[int, ...], Any] = OrderedDict()
 
     def _compile(self, shape: tuple[int, ...]) -> Any:
         model = self.core.read_model(self.model)
@@ -147,7 +160,12 @@ class OpenVino(_Exported):
         return self.core.compile_model(model, "CPU", self.options).create_infer_request()
 
     def _run(self, image: Any) -> Any:
-        return np.array(self._compiled(image.shape).infer({"image": image})[0])  # the request reuses its memory
+        if image.shape not in self._compiled:
+            self._compiled[image.shape] = self._compile(image.shape)
+        self._compiled.move_to_end(image.shape)
+        while len(self._compiled) > SIZES_KEPT:
+            self._compiled.popitem(last=False)
+        return np.array(self._compiled[image.shape].infer({"image": image})[0])  # the request reuses its memory
 
 
 class Fastest:

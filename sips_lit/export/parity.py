@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from sips_lit.detect.detector import SipsDetector
+from sips_lit.detect.runtime import openvino_core
 from sips_lit.detect.selection import score_map
 from sips_lit.export.dense_map import DenseMap
 from sips_lit.export.program import Exportable
@@ -42,9 +43,7 @@ def run_onnx(content: bytes) -> Run:
 
 def run_openvino(xml: bytes, weights: bytes) -> Run:
     """OpenVINO on a CPU, in float32: half precision, which it takes by itself where the processor has it, moves points."""
-    import openvino
-
-    core = openvino.Core()
+    core = openvino_core("format=openvino")
     options = {"INFERENCE_PRECISION_HINT": "f32"}
     compiled = core.compile_model(core.read_model(xml, weights), "CPU", options)
 

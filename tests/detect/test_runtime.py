@@ -51,6 +51,20 @@ def test_results_stay_when_the_runtime_goes_on():
     assert torch.equal(first, before)
 
 
+def test_openvino_has_one_core_that_outlives_its_users():
+    """Cores that came and went overwrote memory: forked workers gave images with rows of zeros, or the process died."""
+    first = make_runtime(tiny_network(), "openvino").core
+    assert make_runtime(ScoreNetwork(5, 8), "openvino").core is first
+
+
+def test_a_size_of_images_that_was_forgotten_is_compiled_again(monkeypatch):
+    monkeypatch.setattr(runtime, "SIZES_KEPT", 1)
+    each = make_runtime(tiny_network(), "openvino")
+    first = each(IMAGE)
+    each(IMAGE[..., :9, :9])
+    assert torch.equal(each(IMAGE), first)
+
+
 @pytest.mark.parametrize("name", ["torch", "openvino"])
 def test_bfloat16_is_near(name):
     torch.manual_seed(0)
