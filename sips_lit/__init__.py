@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from sips_lit.opencv_packages import warn_of_several
+
 if TYPE_CHECKING:
     from sips_lit.baselines.orb import OrbDetector as OrbDetector
     from sips_lit.baselines.shi_tomasi import ShiTomasi as ShiTomasi
@@ -159,6 +161,8 @@ PUBLIC: Final[dict[str, tuple[str, ...]]] = {
     "inference.matched_pair": ("MatchedPair",),
 }
 """The public names by their modules, in the order of the data; the imports above are the same list for type checkers."""
+
+warn_of_several()
 
 _MODULES: Final = {name: module for module, names in PUBLIC.items() for name in names}
 
