@@ -6,6 +6,7 @@ installed once more for each of them.
 
 import shutil
 import sys
+import sysconfig
 import tempfile
 from pathlib import Path
 
@@ -15,6 +16,14 @@ nox.options.default_venv_backend = "none"
 nox.options.sessions = ["lint", "types", "contracts", "docs"]
 
 PROGRAMS = Path(sys.executable).parent
+
+INSTALLED = """
+import sys, importlib.metadata, cv2, numpy, sips_lit
+assert sips_lit.__file__.startswith(sys.argv[1]), sips_lit.__file__
+page = importlib.metadata.metadata("sips_lit").get_payload()
+assert "# sips_lit" in page and "](docs" not in page and "](../" not in page, "relative links in the page of the package"
+cv2.imwrite("a.png", numpy.random.default_rng(0).integers(0, 255, (120, 160)).astype(numpy.uint8))
+"""
 
 
 def run(session: nox.Session, program: str, *arguments: str, **options: object) -> None:
@@ -71,5 +80,42 @@ def quick(session: nox.Session) -> None:
         if not checkpoint.stat().st_size:
             session.error(f"{checkpoint} is empty")
         run(session, "sips-export", f"checkpoint={checkpoint}", "format=onnx", f"output={folder / 'sips.onnx'}")
+    finally:
+        shutil.rmtree(folder)
+
+
+@nox.session
+def package(session: nox.Session) -> None:
+    """Wheel and sdist: what their page refuses, and whether they run when they are installed, from another folder."""
+    folder = Path(tempfile.mkdtemp())
+    programs = folder / "environment" / "bin"
+    try:
+        # the wheel is built from the sdist, so both are whole
+        constraints = {"PIP_CONSTRAINT": str(Path("constraints.txt").resolve())}
+        run(session, "python", "-m", "build", "--outdir", str(folder / "dist"), env=constraints)
+        run(session, "twine", "check", "--strict", *map(str, (folder / "dist").iterdir()))
+        run(session, "python", "-m", "venv", "--without-pip", str(folder / "environment"))
+        # the dependencies, gigabytes of them, are this environment's; a sips_lit that is installed here to be edited is a
+        # .pth file, which is not followed from there
+        own = next((folder / "environment" / "lib").glob("python*")) / "site-packages"
+        (own / "dependencies.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
+        (wheel,) = (folder / "dist").glob("*.whl")
+        run(
+            session,
+            "pip",
+            "--python",
+            str(programs / "python"),
+            "install",
+            "-q",
+            "--no-deps",
+            "--ignore-installed",
+            str(wheel),
+        )
+        with session.chdir(folder):
+            session.run(str(programs / "python"), "-c", INSTALLED, str(own), external=True)
+            session.run(str(programs / "sips-train"), "--help", silent=True, external=True)
+            session.run(str(programs / "sips-detect"), "input=a.png", "n=20", "format=csv", external=True)
+            if not (folder / "points").is_dir():
+                session.error("sips-detect has written nothing")
     finally:
         shutil.rmtree(folder)

@@ -17,7 +17,8 @@ def install(folder: Path, name: str) -> None:
 
 def imported(folder: Path) -> str:
     """What standard error says when the package is imported where only the packages of a folder are installed."""
-    code = f"import importlib, sys\nsys.path += [{str(folder)!r}, {str(ROOT)!r}]\nimport sips_lit\nimportlib.reload(sips_lit)"
+    code = f"import importlib, sys; sys.path += [{str(folder)!r}, {str(ROOT)!r}]; "
+    code += "import sips_lit; importlib.reload(sips_lit)"
     run = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     return run.stderr
