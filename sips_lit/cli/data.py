@@ -14,6 +14,7 @@ from tabulate import tabulate
 
 from sips_lit.cli.arguments import path_argument
 from sips_lit.cli.explain import explained
+from sips_lit.cli.help import version_text
 from sips_lit.dataset_tools.check import DataSetReport, SequenceReport, check, remarks
 from sips_lit.dataset_tools.difficulty import CLASSES, TRAINING
 from sips_lit.dataset_tools.download import Offer, fetch, read_catalogue, remote_size
@@ -26,6 +27,13 @@ from sips_lit.pairs.overlap import OverlapParameters
 from sips_lit.progress import progress
 from sips_lit.types import ImageSequence
 
+PURPOSE = """\
+Recognises data sets as they were downloaded, and says how to train on them; measures their motion.
+Fetches data sets, too: the only command that uses the network.
+
+  sips-data check kitti/
+  sips-data stats my.mp4
+  sips-data download"""
 SHOWN = 30  # sequences and remarks that are printed of a data set
 
 
@@ -191,8 +199,9 @@ def download(offer: Offer, output: Path, yes: bool) -> None:
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     top = argparse.ArgumentParser(
-        prog="sips-data", description="Looks at data sets, measures their motion, fetches them."
+        prog="sips-data", description=PURPOSE, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    top.add_argument("--version", action="version", version=version_text("data"))
     commands = top.add_subparsers(required=True, metavar="check | stats | download")
     cache = Path(os.environ.get("SIPS_LIT_DATA", "data"))
     one = commands.add_parser("check", help="which data set a folder holds, and whether it is whole")

@@ -13,6 +13,7 @@ from rgbd_files import write_simple
 from robotcar_files import write_run
 from textured_scenes import flight
 
+import sips_lit
 from sips_lit.cli import data as command
 from sips_lit.cli.arguments import as_typed
 from sips_lit.cli.data import main
@@ -32,6 +33,16 @@ def images(tmp_path):
     for i, frame in enumerate(flight(5).frames):
         cv2.imwrite(str(folder / f"{i}.png"), frame)
     return folder
+
+
+@pytest.mark.parametrize(
+    ("option", "told"), [("--help", "sips-data stats my.mp4"), ("--version", f"sips-data {sips_lit.__version__}")]
+)
+def test_it_says_what_it_is_for(option, told, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([option])
+    assert stop.value.code == 0
+    assert told in capsys.readouterr().out
 
 
 def test_check_says_what_it_is_and_how_to_use_it(images, capsys):
