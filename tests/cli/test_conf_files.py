@@ -52,3 +52,22 @@ def test_what_follows_the_keys_is_not_told():
 def test_options_are_the_files_of_a_group():
     assert options_of("model") == ["paper", "paper_hpatches", "small", "tiny"]
     assert options_of("seed") == []
+
+
+MEANINGS = {
+    "k": "inliers that a pair needs",
+    "n": "points per image, the best",
+    "n_max": "points per image, at most",
+    "pairs": "random pairs, fixed by the seed",
+    "overlap": "least overlap of a pair",
+    "seed": "of ",
+}
+
+
+@pytest.mark.parametrize(
+    "path", [*CONF_DIR.glob("*.yaml"), *(CONF_DIR / "evaluation").glob("*.yaml")], ids=lambda p: p.stem
+)
+def test_a_name_means_the_same_in_every_command(path):
+    for key, entry in described_keys(path).items():
+        if key in MEANINGS:
+            assert entry.comment.startswith(MEANINGS[key]), f"{path.name} says of {key}: {entry.comment}"
