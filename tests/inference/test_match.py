@@ -37,7 +37,11 @@ def same(a, b) -> None:
             np.testing.assert_array_equal(x, y)
 
 
-@pytest.mark.parametrize("detector", ["sips-small", "sips-tiny", SiftDetector(), ShiTomasi()], ids=str)
+@pytest.mark.parametrize(
+    "detector",
+    ["sips-small", "sips-tiny", SiftDetector(), ShiTomasi()],
+    ids=["sips-small", "sips-tiny", "sift", "shi_tomasi"],
+)
 def test_a_known_homography(detector):
     found = match(IMAGE, WARPED, detector=detector)
     assert np.abs(apply_homography(found.homography, CORNERS) - apply_homography(H, CORNERS)).max() < 1
