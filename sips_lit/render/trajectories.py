@@ -13,6 +13,7 @@ from sips_lit.render.styles import Style
 from sips_lit.types import FloatArray
 
 PANEL = 3.4  # inches a side
+SMALLEST = 1e-3  # metres from the middle of a picture to its side: a camera may stand still
 AXES = "xyz"
 
 
@@ -22,9 +23,11 @@ def draw_trajectories(
     """Places (N, 3) of each method by name, a panel per title, above the true ones (N, 3), if known, in grey.
 
     The two axes of the world along which the (true) path reaches furthest: from above for a car, the larger side for a hand.
+    What goes astray leaves the picture, which is half as large again as the true path needs.
     """
     shown = next(iter(next(iter(panels.values())).values())) if truth is None else truth
-    across, up = sorted(np.argsort(-np.nan_to_num(np.nanmax(shown, 0) - np.nanmin(shown, 0)))[:2])
+    low, high = np.nanmin(shown, 0), np.nanmax(shown, 0)
+    across, up = sorted(np.argsort(low - high)[:2])
     names = list(dict.fromkeys(name for panel in panels.values() for name in panel))
     height = max(PANEL + 0.4, ENTRY_HEIGHT * (len(names) + 1) + 0.8)
     figure = new_figure(PANEL * len(panels) + LEGEND_WIDTH, height)
@@ -36,6 +39,10 @@ def draw_trajectories(
         for name, places in curves.items():
             draw_curve(axes, places[:, across], places[:, up], styles[name], name)
         axes.set(title=title, xlabel=f"{AXES[across]} (m)", aspect="equal", adjustable="datalim")
+        if truth is not None:
+            half = max(0.75 * float((high - low).max()), SMALLEST)
+            middle = (low + high) / 2
+            axes.set(xlim=middle[across] + np.array([-half, half]), ylim=middle[up] + np.array([-half, half]))
     every[0].set_ylabel(f"{AXES[up]} (m)")
     put_legend(every[-1])
     return figure

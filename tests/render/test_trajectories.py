@@ -8,10 +8,15 @@ STYLES = detector_styles(["SIFT", "ORB"])
 
 def test_the_axes_are_those_of_the_longest_ways():
     truth = np.column_stack([np.linspace(0, 5, 9), np.zeros(9), np.linspace(0, 50, 9)])
-    figure = draw_trajectories({"n = 10": {"SIFT": truth + 1}, "n = 50": {"SIFT": truth, "ORB": truth}}, truth, STYLES)
+    figure = draw_trajectories(
+        {"n = 10": {"SIFT": truth + 1, "ORB": 100 * truth}, "n = 50": {"SIFT": truth, "ORB": truth}}, truth, STYLES
+    )
     first, second = figure.axes
     assert (first.get_xlabel(), first.get_ylabel(), second.get_title()) == ("x (m)", "z (m)", "n = 50")
     np.testing.assert_array_equal(first.lines[1].get_xydata(), truth[:, [0, 2]] + 1)
+    figure.canvas.draw()
+    assert first.get_xlim()[0] < 0 < 5 < first.get_xlim()[1] < 100  # the truth is in sight, what is astray is not
+    assert -20 < first.get_ylim()[0] < 0 < 50 < first.get_ylim()[1] < 70
     assert [text.get_text() for text in second.get_legend().get_texts()] == ["true", "SIFT", "ORB"]
     figure = draw_trajectories({"n = 10": {"SIFT": truth[:, [1, 2, 0]]}}, None, STYLES)
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("y (m)", "z (m)")
