@@ -13,6 +13,7 @@ import pytest
 import torch
 from cli_runs import Command, Result, write_frames
 from forked_commands import ForkedCommand
+from hydra.core.hydra_config import HydraConfig
 from textured_scenes import flight
 
 from sips_lit.detect.checkpoint import export_safetensors
@@ -68,6 +69,7 @@ def command(folders, monkeypatch, capsys) -> Command:
         return Result(code, text.out, text.err)
 
     yield run
+    HydraConfig.instance().cfg = None  # else what runs later in this process takes itself for a job of a sweep
     cv2.setNumThreads(threads)
     root.handlers[:], root.level = handlers, level
     signal.signal(signal.SIGINT, signal.default_int_handler)
