@@ -31,10 +31,11 @@ from sips_lit.frames.source import as_sources
 from sips_lit.inference.score_video import write_score_video
 from sips_lit.pairs.choice import choose_pairs, write_pair_file
 from sips_lit.report.columns import auc_of
-from sips_lit.report.files import write_report
+from sips_lit.report.files import describe_machine, write_report
 from sips_lit.report.intervals import Intervals, intervals
-from sips_lit.report.labels import labelled, refuse_unknown_labels
+from sips_lit.report.labels import labelled, refuse_unknown_labels, told_apart
 from sips_lit.report.pair_pictures import PairPicture, draw_method_pictures
+from sips_lit.report.stored import store_results
 from sips_lit.report.terminal import summary
 
 
@@ -94,6 +95,8 @@ def run_evaluation(
         if config.pictures:
             drawn = draw_method_pictures(result.detectors, methods, pairs, measures, cache)
             pictures |= {(pairs.key, key): of_method for key, of_method in drawn.items()}
+        if len(results) < len(pair_sets):  # hours may be to come: sips-report makes a report of these
+            store_results(folder / "results.json", list(map(told_apart, results)), machine=describe_machine())
     if not any(result.detectors for result in results):
         reasons = "; ".join(sorted({reason for result in results for reason in result.skipped.values()}))
         raise BadInputError(f"no method could be measured: {reasons}")

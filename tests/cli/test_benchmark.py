@@ -5,6 +5,8 @@ import cv2
 import pytest
 from textured_scenes import texture
 
+from sips_lit.cli import evaluation
+
 
 @pytest.fixture
 def benchmark(command, frames, folders):
@@ -99,6 +101,24 @@ def test_several_pair_sets(command, folders, frames, tmp_path):
         "k = 6, at most 30 points, 2 pairs (kind=random, overlap=0.5, seed=0), exact search, inliers=klt" in result.out
     )
     assert len((folders / "run" / "flight" / "pairs.csv").read_text().splitlines()) == 4
+
+
+def test_an_interrupted_benchmark_leaves_the_pair_sets_that_it_has_measured(benchmark, command, folders, monkeypatch):
+    measure = evaluation.evaluate_pair_set
+
+    def interrupted(methods, pairs, *more):
+        if pairs.key == "second":
+            raise KeyboardInterrupt
+        return measure(methods, pairs, *more)
+
+    monkeypatch.setattr(evaluation, "evaluate_pair_set", interrupted)
+    result = benchmark("detectors=[sift,orb]", "+pair_sets.first={}", "+pair_sets.second={k: 4}")
+    assert (result.code, result.err) == (130, "interrupted\n")
+    redrawn = command("report", f"{folders}/run/results.json", f"output={folders}/again")
+    assert redrawn.code == 0, redrawn.err
+    assert "SIFT + RootSIFT" in redrawn.out
+    assert "k = 4" not in redrawn.out
+    assert (folders / "again" / "report.html").is_file()
 
 
 def test_refusals_in_one_sentence(benchmark, tmp_path):
