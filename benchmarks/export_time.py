@@ -24,6 +24,7 @@ from tabulate import tabulate
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import export_safetensors
 from sips_lit.detect.detector import SipsDetector
+from sips_lit.detect.openvino_package import openvino_core
 from sips_lit.export.dense_map import DenseMap
 from sips_lit.export.onnx import onnx_bytes
 from sips_lit.export.openvino import openvino_bytes
@@ -50,10 +51,8 @@ def runner(kind: str, files: dict[str, bytes]) -> Callable[[NDArray[Any]], objec
         session = onnxruntime.InferenceSession(files[".onnx"], options, providers=["CPUExecutionProvider"])
         return lambda image: session.run(None, {"image": image})
     if kind == "openvino":
-        import openvino
-
         options = {"INFERENCE_PRECISION_HINT": "f32", "INFERENCE_NUM_THREADS": 1}
-        core = openvino.Core()
+        core = openvino_core("export_time")
         return core.compile_model(core.read_model(files[".xml"], files[".bin"]), "CPU", options)
     module = torch.export.load(io.BytesIO(files[".pt2"])).module()
     return torch.no_grad()(lambda image: module(torch.from_numpy(image)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any, Final, Literal, Protocol, get_args
 
@@ -16,6 +15,7 @@ from torch import Tensor
 from sips_lit.detect.checkpoint import digest_of
 from sips_lit.detect.folding import block_side, folded_logits, whole_blocks
 from sips_lit.detect.onnx_graph import EXTRA, onnx_graph
+from sips_lit.detect.openvino_package import openvino_core
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import Scorer
 from sips_lit.errors import BadInputError, import_extra
@@ -121,19 +121,6 @@ class OnnxRuntime(_Exported):
 
     def _run(self, image: Any) -> Any:
         return self.session.run(["logits"], {"image": image})[0]
-
-
-def openvino_core(what: str) -> Any:
-    """OpenVINO's core, for ``what`` of the user. Raises BadInputError where it is not installed.
-
-    There is one in a process and it never ends: with cores that came and went, memory of others was overwritten.
-    """
-    return _only_core(import_extra("openvino", EXTRA, what).Core)
-
-
-@lru_cache(1)
-def _only_core(make: Callable[[], Any]) -> Any:
-    return make()
 
 
 class OpenVino(_Exported):

@@ -6,11 +6,12 @@ import io
 import tempfile
 from pathlib import Path
 
+from sips_lit.detect.openvino_package import import_openvino
+
 
 def openvino_bytes(onnx: bytes) -> tuple[bytes, bytes]:
     """The contents of ``.xml`` and ``.bin``, with float32 weights, of a serialised ONNX model. Needs ``openvino``."""
-    import openvino
-
+    openvino = import_openvino("format=openvino")
     model = openvino.convert_model(io.BytesIO(onnx))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.xml"

@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from sips_lit.detect.detector import SipsDetector
-from sips_lit.detect.runtime import openvino_core
+from sips_lit.detect.openvino_package import openvino_core
 from sips_lit.detect.selection import score_map
 from sips_lit.export.dense_map import DenseMap
 from sips_lit.export.program import Exportable

@@ -23,6 +23,9 @@ from sips_lit.train.step_times import Stopwatch
 from sips_lit.train.stream import LOADING_TIMEOUT, loaded, of_all_processes, step_back
 from sips_lit.types import Descriptor, GreyImage, InlierCheck, Keypoints
 
+MOST_AHEAD = 16
+"""Pairs: each holds all frames between its two until it is labelled."""
+
 
 @dataclass(frozen=True, slots=True)
 class LabelledPair:
@@ -77,8 +80,9 @@ class OneStepAhead:
 
     Where a step begins, asks ``select`` for the points of the ``pairs_per_step`` pairs of the next step, hands them to
     ``labelling_workers`` threads (OpenCV releases the GIL), and yields those labelled before. So two processes of one pair
-    a step see what one process of two sees. The state is the position in the stream of pairs and the points of the
-    pairs that are being labelled: with it a resumed run continues as if it had not been interrupted. ``skipped`` counts
+    a step see what one process of two sees. Of steps of more than `MOST_AHEAD` pairs so many are selected ahead. The state
+    is the position in the stream of pairs and the points of the pairs that are being labelled: with it a resumed run
+    continues as if it had not been interrupted. ``skipped`` counts
     the pairs that can't be read. ``budgets``: see `label_pair`; ``between``: in how many frames between, at most, points are
     looked for again (`label_along`), where the check uses these. Loading workers that give no pair for
     ``loading_timeout`` seconds are replaced.
@@ -100,7 +104,7 @@ class OneStepAhead:
         between: int = 0,
         pairs_per_step: int = 1,
     ) -> None:
-        self.pairs_per_step = pairs_per_step
+        self.pairs_per_step = min(pairs_per_step, MOST_AHEAD)
         self.budgets, self.between = budgets, between
         self.skipped, self.loading_timeout = skipped or SkippedItems(), loading_timeout
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks

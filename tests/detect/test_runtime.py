@@ -51,12 +51,6 @@ def test_results_stay_when_the_runtime_goes_on():
     assert torch.equal(first, before)
 
 
-def test_openvino_has_one_core_that_outlives_its_users():
-    """Cores that came and went overwrote memory: forked workers gave images with rows of zeros, or the process died."""
-    first = make_runtime(tiny_network(), "openvino").core
-    assert make_runtime(ScoreNetwork(5, 8), "openvino").core is first
-
-
 def test_a_size_of_images_that_was_forgotten_is_compiled_again(monkeypatch):
     monkeypatch.setattr(runtime, "SIZES_KEPT", 1)
     each = make_runtime(tiny_network(), "openvino")

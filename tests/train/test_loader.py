@@ -119,6 +119,15 @@ def test_a_resumed_stream_of_several_pairs_a_step_goes_on_as_if_never_interrupte
         assert_same(pair, other)
 
 
+def test_of_a_step_of_very_many_pairs_some_are_selected_ahead(monkeypatch):
+    monkeypatch.setattr("sips_lit.train.loader.MOST_AHEAD", 2)
+    learner = Learner()
+    stream = iter(loader(learner, pairs_per_step=1000, length=8))
+    next(stream)
+    assert learner.events == [("select", 0)] * 8
+    assert len(list(stream)) == 7
+
+
 def test_a_finished_stream_stays_finished():
     learner = Learner()
     stream = loader(learner)
