@@ -96,7 +96,7 @@ class H5File:
         return {"path": self.path}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(state["path"])  # type: ignore[misc]
+        self.__init__(state["path"])  # type: ignore[misc]  # of this class, or of one below it that has no more arguments
 
 
 def _stop(child: subprocess.Popen[bytes], owner: int) -> None:

@@ -12,11 +12,13 @@ from matplotlib.figure import Figure
 from tensorboard.compat.proto.summary_pb2 import DATA_CLASS_BLOB_SEQUENCE, DATA_CLASS_SCALAR, SummaryMetadata
 from tensorboard.plugins.hparams.plugin_data_pb2 import HParamsPluginData
 from torch.utils.tensorboard import SummaryWriter
-from torch.utils.tensorboard.summary import hparams, image, scalar
+from torch.utils.tensorboard import summary as untyped
 
 from sips_lit.callbacks.cards import LAYOUT, RUN_METRICS, card_of
 from sips_lit.render.canvas import Picture
 from sips_lit.render.figure import figure_to_array
+
+summary: Any = untyped
 
 # TensorBoard drops the description of a value whose kind it has to find out
 _SCALAR = SummaryMetadata(plugin_data=SummaryMetadata.PluginData(plugin_name="scalars"), data_class=DATA_CLASS_SCALAR)
@@ -45,7 +47,7 @@ class TensorBoard(TensorBoardLogger):
         for name, value in metrics.items():
             if name != "epoch":
                 card = card_of(name)
-                _write(self.experiment, scalar(card.tag, float(value)), _SCALAR, card.text, step)  # type: ignore[no-untyped-call]
+                _write(self.experiment, summary.scalar(card.tag, float(value)), _SCALAR, card.text, step)
 
     @rank_zero_only
     def log_settings(self, settings: Mapping[str, int | float | str]) -> None:
@@ -53,7 +55,7 @@ class TensorBoard(TensorBoardLogger):
         self.log_hyperparams(dict(settings))
         # as the logger makes it, but without values of the metrics: there are none before a validation
         names = {card_of(metric).tag: title for metric, title in RUN_METRICS.items()}
-        experiment, *session = hparams(dict(settings), dict.fromkeys(names))  # type: ignore[no-untyped-call]
+        experiment, *session = summary.hparams(dict(settings), dict.fromkeys(names))
         plugin = experiment.value[0].metadata.plugin_data
         table = HParamsPluginData.FromString(plugin.content)
         for metric in table.experiment.metric_infos:
@@ -75,7 +77,7 @@ def show(trainer: L.Trainer, name: str, picture: Picture | Figure) -> None:
     if writer is None:
         return
     drawn, card = figure_to_array(picture) if isinstance(picture, Figure) else picture, card_of(name)
-    _write(writer, image(card.tag, drawn, dataformats="HWC"), _IMAGE, card.text, trainer.global_step)  # type: ignore[no-untyped-call]
+    _write(writer, summary.image(card.tag, drawn, dataformats="HWC"), _IMAGE, card.text, trainer.global_step)
 
 
 def _write(writer: Any, content: Any, kind: Any, text: str, step: int | None) -> None:

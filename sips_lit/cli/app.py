@@ -79,7 +79,7 @@ def run(
     with _errors_of_hydra(config_name, arguments), table_at_end(config_name):
         try:
             hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
-        except Exception as error:
+        except Exception as error:  # a file that YAML can't parse makes Hydra raise almost anything
             if begun or isinstance(error, CompactHydraException) or getattr(error, "errno", None) is not None:
                 raise
             why = " ".join(str(error).split())
@@ -96,7 +96,7 @@ def _errors_of_hydra(command: str, arguments: Sequence[str]) -> Iterator[None]:
         yield
     except BrokenPipeError:
         leave_pipe()
-    except Exception as error:
+    except Exception as error:  # told in a sentence, or with its traceback; either way the exit code is 1
         if asked:
             raise
         of_hydra = isinstance(error, CompactHydraException)

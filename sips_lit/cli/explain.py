@@ -74,7 +74,7 @@ def explained(config: DictConfig | None = None) -> Iterator[None]:
             print("terminated", file=sys.stderr)
         # what Lightning makes of a Ctrl-C during a fit
         sys.exit(INTERRUPTED if isinstance(stop.__context__, KeyboardInterrupt) else stop.code)
-    except Exception as error:
+    except Exception as error:  # what is not the user's to mend is raised on
         sentence = explain(error, config)
         if sentence is None:
             raise

@@ -84,7 +84,7 @@ def make_methods(config: DictConfig, on_skip: Callable[[str, str], None]) -> lis
     for entry, whole in entries:
         try:
             detector: Detector = build(whole.detector)
-        except Exception as error:
+        except Exception as error:  # what is not the user's to mend is raised on
             reason = explain(error, whole)
             if reason is None:
                 raise

@@ -7,16 +7,15 @@ expected and the maximal calibration error (Guo et al., ICML 2017) and the Brier
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
-from torchmetrics import Metric
+
+from sips_lit.metrics.exact_sums import ExactSums
 
 FloatVector = NDArray[np.float64]
-_UNITS: Final = 2**32
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,43 +97,25 @@ def summarise(sums: NDArray[np.float64]) -> CalibrationResult:
     )
 
 
-class Calibration(Metric):
+class Calibration(ExactSums[CalibrationResult]):
     """Calibration over the points given to `update`, merged exactly across processes (its state is sums per bin).
 
     ``compute`` gives the scalars that can be logged, ``ece``, ``mce`` and ``brier``, NaN without any points; ``result``
     gives the whole record.
     """
 
-    full_state_update = False
-    is_differentiable = False
-    higher_is_better = False
-    sums: Tensor
+    units = 2**32  # so up to 2^31 points a bin
+    scalars = ("ece", "mce", "brier")
 
     def __init__(self, bins: int = 20, **kwargs: Any) -> None:
         """Sort the scores into ``bins`` equal bins; ``kwargs`` go to `torchmetrics.Metric`."""
-        super().__init__(**kwargs)
+        super().__init__(4, bins, **kwargs)
         self.bins = bins
-        # Integers in units of 2^-32: they add exactly in any order, up to 2^31 points a bin, and every accelerator has
-        # them (Apple's has no float64, and float32 sums lose points after 2^24).
-        self.add_state("sums", torch.zeros(4, bins, dtype=torch.long), dist_reduce_fx="sum")
 
     def update(self, scores: Tensor, labels: Tensor) -> None:
         """Add points: ``scores`` (N,) probabilities and ``labels`` (N,) bool or 0 and 1; raises as `bin_sums`."""
-        sums = bin_sums(scores.detach().float().cpu().numpy(), labels.detach().cpu().numpy(), self.bins)
-        self.sums += torch.from_numpy(np.rint(sums * _UNITS).astype(np.int64)).to(self.sums.device)
+        self._add(bin_sums(scores.detach().float().cpu().numpy(), labels.detach().cpu().numpy(), self.bins))
 
-    def compute(self) -> dict[str, Tensor]:
-        """The scalars of the summary, float32."""
-        result = self._summary()
-        return {
-            name: torch.tensor(getattr(result, name), dtype=torch.float32, device=self.sums.device)
-            for name in ("ece", "mce", "brier")
-        }
-
-    def result(self) -> CalibrationResult:
-        """The whole summary. In distributed runs every process must call it, and each gets that of all points."""
-        with self.sync_context(self.dist_sync_fn, distributed_available=self.distributed_available_fn):
-            return self._summary()
-
-    def _summary(self) -> CalibrationResult:
-        return summarise(self.sums.cpu().numpy() / _UNITS)
+    def summarised(self, sums: NDArray[np.float64]) -> CalibrationResult:
+        """See `summarise`."""
+        return summarise(sums)

@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import ArrayLike, NDArray
-from torch import Tensor
-from torchmetrics import Metric
+
+from sips_lit.metrics.exact_sums import ExactSums
 
 FloatVector = NDArray[np.float64]
-_UNITS: Final = 2**20
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,42 +85,25 @@ def summarise(sums: NDArray[np.float64]) -> CovarianceReliability:
     return CovarianceReliability(error, squared / total / 2, (squared + logs) / total / 2, edges, count)
 
 
-class CovarianceCalibration(Metric):
+class CovarianceCalibration(ExactSums[CovarianceReliability]):
     """Reliability over the residuals given to `update`, merged exactly across processes (its state is sums).
 
     ``compute`` gives the scalars that can be logged, ``error``, ``scale`` and ``nll``, NaN without residuals; ``result``
     gives the whole record.
     """
 
-    full_state_update = False
-    is_differentiable = False
-    higher_is_better = False
-    sums: Tensor
+    units = 2**20
+    scalars = ("error", "scale", "nll")
 
     def __init__(self, bins: int = 20, **kwargs: Any) -> None:
         """Counts in ``bins`` equal bins of probability; ``kwargs`` go to `torchmetrics.Metric`."""
-        super().__init__(**kwargs)
+        super().__init__(bins + 2, **kwargs)
         self.bins = bins
-        # integers in units of 2^-20 add exactly in any order, and every accelerator has them
-        self.add_state("sums", torch.zeros(bins + 2, dtype=torch.long), dist_reduce_fx="sum")
 
     def update(self, residual: ArrayLike, covariance: ArrayLike) -> None:
         """Add residuals (M, 2) with their covariances (M, 2, 2); raises as `reliability_sums`."""
-        sums = reliability_sums(residual, covariance, self.bins)
-        self.sums += torch.from_numpy(np.rint(sums * _UNITS).astype(np.int64)).to(self.sums.device)
+        self._add(reliability_sums(residual, covariance, self.bins))
 
-    def compute(self) -> dict[str, Tensor]:
-        """The scalars of the summary, float32."""
-        result = self._summary()
-        return {
-            name: torch.tensor(getattr(result, name), dtype=torch.float32, device=self.sums.device)
-            for name in ("error", "scale", "nll")
-        }
-
-    def result(self) -> CovarianceReliability:
-        """The whole summary. In distributed runs every process must call it, and each gets that of all residuals."""
-        with self.sync_context(self.dist_sync_fn, distributed_available=self.distributed_available_fn):
-            return self._summary()
-
-    def _summary(self) -> CovarianceReliability:
-        return summarise(self.sums.cpu().numpy() / _UNITS)
+    def summarised(self, sums: NDArray[np.float64]) -> CovarianceReliability:
+        """See `summarise`."""
+        return summarise(sums)
