@@ -48,9 +48,9 @@ class Intervals:
 
 
 def intervals(result: PairSetResult, resamples: int, seed: int = 0) -> Intervals:
-    """Estimates of all numbers that can be resampled; none without pairs, or of no ``resamples``."""
+    """Estimates of all numbers that can be resampled; none of one pair, which tells no spread, or of no ``resamples``."""
     methods = result.detectors
-    if not methods or not len(methods[0].pairs) or resamples < 1:
+    if not methods or len(methods[0].pairs) < 2 or resamples < 1:
         return Intervals()
     groups = methods[0].pairs.sequences
     drawn = draw_pairs(groups, resamples, seed)

@@ -94,6 +94,11 @@ def test_nothing_to_draw():
     assert intervals(pair_set(NAMES[:1], 0), 10).of == {}
 
 
+def test_a_single_pair_tells_no_spread():
+    assert not intervals(pair_set(NAMES[:2], 1), 100).of
+    assert intervals(pair_set(NAMES[:2], 2), 100).of
+
+
 def test_one_method_has_no_difference_but_an_interval():
     found = intervals(of_names("a"), 50).of
     assert math.isnan(found["a", "auc"].difference)
