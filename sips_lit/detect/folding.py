@@ -9,6 +9,7 @@ of ``tiny`` take 29 ms instead of 43 (one thread, 640 x 480). Our choice.
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Final, cast
 
 import torch
@@ -16,6 +17,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from sips_lit.detect.derivatives import mixed_channels
+from sips_lit.detect.octaves import mean_over_octaves
 from sips_lit.detect.score_network import ScoreNetwork
 
 WIDEST: Final = 8
@@ -62,6 +64,11 @@ def folded_logits(network: ScoreNetwork, image: Tensor) -> Tensor:
 
     Weights are folded anew each time, which takes 1 % of it, so they are those that the network has.
     """
+    return mean_over_octaves(partial(_octave, network), image, network.octaves)
+
+
+def _octave(network: ScoreNetwork, image: Tensor) -> Tensor:
+    """See `ScoreNetwork.octave`."""
     side = block_side(network)
     x = _first_channels(network, image, side)
     *hidden, last = cast("list[nn.Conv2d]", list(network.layers))

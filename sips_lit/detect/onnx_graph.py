@@ -23,8 +23,8 @@ _OPSET, _IR_VERSION = 18, 9  # understood by runtimes since 2023
 def onnx_graph(network: ScoreNetwork) -> bytes:
     """A serialised model: ``image`` (B, 1, H, W) float32, 0 to 255, to ``logits`` (B, 1, H, W) float32.
 
-    Any B, and any H and W that are whole blocks (see `sips_lit.detect.folding.whole_blocks`); a level of the pyramid at a
-    time. Raises BadInputError when the package onnx is not installed.
+    Any B, and any H and W that are whole blocks (see `sips_lit.detect.folding.whole_blocks`); a level of the pyramid, and an
+    octave, at a time. Raises BadInputError when the package onnx is not installed.
     """
     onnx = import_extra("onnx", EXTRA, "a runtime other than torch")
     graph = _Graph(onnx)

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from sips_lit.detect.checkpoint import digest_of
 from sips_lit.detect.folding import block_side, folded_logits, whole_blocks
+from sips_lit.detect.octaves import mean_over_octaves
 from sips_lit.detect.onnx_graph import EXTRA, onnx_graph
 from sips_lit.detect.openvino_package import openvino_core
 from sips_lit.detect.score_network import ScoreNetwork
@@ -96,11 +97,14 @@ class _Exported:
 
     def __init__(self, network: ScoreNetwork) -> None:
         self.scales, self.scale_factor = network.scales, network.scale_factor
-        self.side, self.model = block_side(network), onnx_graph(network)
+        self.octaves, self.side, self.model = network.octaves, block_side(network), onnx_graph(network)
 
     def __call__(self, image: Tensor) -> Tensor:
         """See `Scorer`."""
-        blocks = whole_blocks(image.detach().float(), self.side).contiguous().numpy()
+        return mean_over_octaves(self._octave, image.detach().float(), self.octaves)
+
+    def _octave(self, image: Tensor) -> Tensor:
+        blocks = whole_blocks(image, self.side).contiguous().numpy()
         return torch.from_numpy(self._run(blocks))[..., : image.shape[-2], : image.shape[-1]].contiguous()
 
     def _run(self, image: Any) -> Any:

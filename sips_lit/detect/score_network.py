@@ -11,12 +11,13 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from sips_lit.detect.derivatives import CHANNELS, derivative_channels, derivative_filters
+from sips_lit.detect.octaves import enlarged, halves, mean_over_octaves
 
 Gradient = Literal["patches", "dense"]
 
 
 # a damaged checkpoint may ask for any number
-MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR = 1000, 32, 16
+MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR, MOST_OCTAVES = 1000, 32, 16, 8
 START_LOG_SIGMA = -1.0  # of an untrained covariance head: 0.37 pixels, about what sub-pixel points are off by
 COVARIANCE_NUMBERS = 3  # log sigma_x, log sigma_y, and the inverse hyperbolic tangent of their correlation
 
@@ -28,11 +29,13 @@ class ScoreNetwork(nn.Module):
     and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias`` (our choice). With
     ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`). With
     ``derivatives`` the first layer gets `derivative_channels` instead of the grey image alone (the paper's), and the
-    receptive field grows by a pixel to each side. With ``covariance`` a second last layer, ``covariance_head``, gives three
+    receptive field grows by a pixel to each side. With ``octaves > 1`` a logit is the mean of those of the image, of half of
+    it, and so on (see `sips_lit.detect.octaves`). With ``covariance`` a second last layer, ``covariance_head``, gives three
     numbers a pixel of which `sips_lit.detect.covariance` makes the covariance of a point's place; logits stay what they are.
 
-    The input is padded once by ``radius`` replicated pixels, then every convolution is a valid one: the logit of a pixel
-    depends on exactly the (2 radius + 1)^2 pixels around it, and the same numbers come out of a dense pass and of patches.
+    Each octave is padded once by ``radius`` replicated pixels, then every convolution is a valid one: the logit of a pixel
+    depends on exactly the (2 radius + 1)^2 pixels of the octave around it, and the same numbers come out of a dense pass and
+    of patches.
 
     Raises ValueError for a depth below 2 or an odd width.
     """
@@ -46,6 +49,7 @@ class ScoreNetwork(nn.Module):
         scales: int = 1,
         scale_factor: float = math.sqrt(2),
         derivatives: bool = False,
+        octaves: int = 1,
         covariance: bool = False,
     ) -> None:
         super().__init__()
@@ -58,6 +62,8 @@ class ScoreNetwork(nn.Module):
                 f"a pyramid needs 1 to {MOST_SCALES} scales and a scale_factor above 1 and up to {LARGEST_FACTOR}, not "
                 f"{scales} and {scale_factor}"
             )
+        if octaves not in range(1, MOST_OCTAVES + 1):
+            raise ValueError(f"a score network sees 1 to {MOST_OCTAVES} octaves, not {octaves}")
         self.config: dict[str, Any] = {
             "depth": depth,
             "width": width,
@@ -66,9 +72,11 @@ class ScoreNetwork(nn.Module):
             "scales": scales,
             "scale_factor": scale_factor,
             "derivatives": derivatives,
+            "octaves": octaves,
             "covariance": covariance,
         }
         self.derivatives = derivatives
+        self.octaves = octaves
         self.radius = depth + int(derivatives)
         self.leaky_slope = leaky_slope
         self.scales = scales
@@ -102,19 +110,37 @@ class ScoreNetwork(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W) with values 0 to 255."""
+        return mean_over_octaves(self.octave, image, self.octaves)
+
+    def octave(self, image: Tensor) -> Tensor:
+        """Logits (B, 1, H, W) of an octave by itself, as of images (B, 1, H, W)."""
         return self.valid(self.pad(image))
+
+    @property
+    def reach(self) -> int:
+        """Pixels of the image to each side that a logit depends on, at most."""
+        pixel = 2 ** (self.octaves - 1)  # of the last octave; logits lie between two of them
+        return self.radius if self.octaves == 1 else (self.radius + 1) * pixel + pixel // 2 - 1
 
     def pad(self, image: Tensor) -> Tensor:
         """Scaled image with ``radius`` replicated pixels on every side."""
         return F.pad(_scale(image), (self.radius,) * 4, mode="replicate")
 
     def interior(self, image: Tensor, margin: int) -> Tensor:
-        """Logits (B, 1, H - 2 margin, W - 2 margin) of the pixels that are ``margin`` >= ``radius`` away from every border.
+        """Logits (B, 1, H - 2 margin, W - 2 margin) of the pixels that are ``margin`` >= ``reach`` away from every border.
 
-        No pixel is replicated: they are those that the network gives within a larger image.
+        No replicated pixel counts: they are those that the network gives within a larger image, whose pixels are halved from
+        the same row and column on.
         """
-        cut = margin - self.radius
-        return self.valid(_scale(image[..., cut : image.shape[-2] - cut, cut : image.shape[-1] - cut]))
+        height, width = image.shape[-2:]
+
+        def inner(whole: Tensor, cut: int) -> Tensor:
+            return whole[..., cut : whole.shape[-2] - cut, cut : whole.shape[-1] - cut]
+
+        total = self.valid(_scale(inner(image, margin - self.radius)))
+        for octave, level in enumerate(halves(image, self.octaves), 1):
+            total = total + inner(enlarged(self.octave(level), octave, (height, width)), margin)
+        return total / self.octaves
 
     def valid(self, padded: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of padded, scaled images (B, 1, H + 2 radius, W + 2 radius)."""
@@ -141,12 +167,16 @@ class ScoreNetwork(nn.Module):
     def at(self, image: Tensor, rows: Tensor, columns: Tensor, gradient: Gradient) -> Tensor:
         """Logits (N,) at N pixels of one image (1, 1, H, W), differentiable, by the route ``gradient``.
 
-        ``dense`` evaluates the whole image and gathers; ``patches`` evaluates the receptive field of each pixel only.
-        Both give the same logits and gradients; which is faster depends on the network, the image and the machine.
+        ``dense`` evaluates the whole image and gathers; ``patches`` evaluates the receptive field of each pixel only, and all
+        of the smaller octaves. Both give the same logits and gradients; which is faster depends on the network, the image and
+        the machine.
         """
         if gradient == "dense":
             return self.forward(image)[0, 0][rows, columns]
-        return self.valid(self._windows(image, rows, columns)).flatten()
+        total = self.valid(self._windows(image, rows, columns)).flatten()
+        for octave, level in enumerate(halves(image, self.octaves), 1):
+            total = total + enlarged(self.octave(level), octave, (image.shape[-2], image.shape[-1]))[0, 0][rows, columns]
+        return total / self.octaves
 
     def covariance_numbers(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
         """Outputs (N, 3) of the covariance head at N pixels of one image (1, 1, H, W), by their receptive fields.

@@ -1,0 +1,38 @@
+"""Logits of a pixel as their mean over octaves: the image, half of it, a quarter, and so on.
+
+What stays a good point when the image is halved is there for other reasons than the texture of single pixels, and is found
+again from further away. The same network scores every octave, so it has no more weights for it (our choice).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch.nn.functional as F
+from torch import Tensor
+
+
+def mean_over_octaves(logits_of: Callable[[Tensor], Tensor], image: Tensor, octaves: int) -> Tensor:
+    """Logits (B, 1, H, W) of images (B, 1, H, W): the mean of those that ``logits_of`` gives each octave."""
+    total = logits_of(image)
+    for octave, level in enumerate(halves(image, octaves), 1):
+        total = total + enlarged(logits_of(level), octave, (image.shape[-2], image.shape[-1]))
+    return total / octaves if octaves > 1 else total
+
+
+def halves(image: Tensor, octaves: int) -> list[Tensor]:
+    """The octaves of images (B, 1, H, W) after the first, each half the one before: the mean of 2 x 2 pixels.
+
+    Where a side is odd its last pixels count twice.
+    """
+    levels = []
+    for _ in range(1, octaves):
+        image = F.avg_pool2d(F.pad(image, (0, 1, 0, 1), mode="replicate"), 2)
+        levels.append(image)
+    return levels
+
+
+def enlarged(logits: Tensor, octave: int, size: tuple[int, int]) -> Tensor:
+    """Logits (B, 1, h, w) of an octave (0 = the image) between its pixels, for an image of ``size`` (H, W)."""
+    large = F.interpolate(logits, scale_factor=2.0**octave, mode="bilinear", align_corners=False)
+    return large[..., : size[0], : size[1]]
