@@ -26,7 +26,15 @@ from sips_lit.files import write_whole
 METADATA_KEY = "sips_lit"
 RECALIBRATION = "recalibration"
 PREFIX = "network."
-ARCHITECTURE = ("depth", "width", "leaky_slope", "scales", "scale_factor", "derivatives", "octaves")  # of what gives the logits
+ARCHITECTURE = (
+    "depth",
+    "width",
+    "leaky_slope",
+    "scales",
+    "scale_factor",
+    "derivatives",
+    "octaves",
+)  # of what gives the logits
 
 
 def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:

@@ -23,11 +23,12 @@ def mean_over_octaves(logits_of: Callable[[Tensor], Tensor], image: Tensor, octa
 def halves(image: Tensor, octaves: int) -> list[Tensor]:
     """The octaves of images (B, 1, H, W) after the first, each half the one before: the mean of 2 x 2 pixels.
 
-    Where a side is odd its last pixels count twice.
+    The image goes on with its last pixels, so an octave ends one or two pixels later than the one before, and never has a
+    side of one pixel, which `torch.export` would take for a constant.
     """
     levels = []
     for _ in range(1, octaves):
-        image = F.avg_pool2d(F.pad(image, (0, 1, 0, 1), mode="replicate"), 2)
+        image = F.avg_pool2d(F.pad(image, (0, 3, 0, 3), mode="replicate"), 2)
         levels.append(image)
     return levels
 

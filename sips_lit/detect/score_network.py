@@ -167,15 +167,17 @@ class ScoreNetwork(nn.Module):
     def at(self, image: Tensor, rows: Tensor, columns: Tensor, gradient: Gradient) -> Tensor:
         """Logits (N,) at N pixels of one image (1, 1, H, W), differentiable, by the route ``gradient``.
 
-        ``dense`` evaluates the whole image and gathers; ``patches`` evaluates the receptive field of each pixel only, and all
-        of the smaller octaves. Both give the same logits and gradients; which is faster depends on the network, the image and
-        the machine.
+        ``dense`` evaluates the whole image and gathers; ``patches`` evaluates the receptive field of each pixel only, and
+        all of the smaller octaves. Both give the same logits and gradients; which is faster depends on the network, the
+        image and the machine.
         """
         if gradient == "dense":
             return self.forward(image)[0, 0][rows, columns]
         total = self.valid(self._windows(image, rows, columns)).flatten()
         for octave, level in enumerate(halves(image, self.octaves), 1):
-            total = total + enlarged(self.octave(level), octave, (image.shape[-2], image.shape[-1]))[0, 0][rows, columns]
+            total = (
+                total + enlarged(self.octave(level), octave, (image.shape[-2], image.shape[-1]))[0, 0][rows, columns]
+            )
         return total / self.octaves
 
     def covariance_numbers(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:

@@ -29,7 +29,10 @@ def program_of(model: Exportable, image_type: str = "float32") -> ExportedProgra
     )  # a size of 1 would be taken for a constant
     with torch.no_grad():
         program = torch.export.export(
-            model, (example,), dynamic_shapes=({0: Dim("batch"), 2: Dim("height"), 3: Dim("width")},)
+            model,
+            (example,),
+            dynamic_shapes=({0: Dim("batch"), 2: Dim("height"), 3: Dim("width")},),
+            prefer_deferred_runtime_asserts_over_guards=True,  # that an octave is half the one before is no guess
         )
     for module in program.graph_module.modules():
         for node in module.graph.nodes if isinstance(module, torch.fx.GraphModule) else []:

@@ -243,7 +243,7 @@ def test_a_network_starts_from_the_weights_of_another(tmp_path):
     assert digest_of(network) == digest_of(load_network(path)) == digest_of(tiny_network(2))
 
 
-@pytest.mark.parametrize("other", [{"scales": 2}, {"derivatives": True}, {"leaky_slope": 0.1}])
+@pytest.mark.parametrize("other", [{"scales": 2}, {"derivatives": True}, {"leaky_slope": 0.1}, {"octaves": 2}])
 def test_a_start_of_another_architecture_is_refused(tmp_path, other):
     path, network = tmp_path / "a.safetensors", tiny_network()
     export_safetensors(tiny_network(**other), PointSelector(), path)
@@ -267,8 +267,13 @@ def test_weights_that_are_not_finite_are_no_start(tmp_path, value):
 
 
 def test_a_digest_tells_the_weights_and_what_the_network_makes_of_them():
-    digests = [digest_of(tiny_network()), digest_of(tiny_network(1)), digest_of(tiny_network(leaky_slope=0.1))]
-    assert len({*digests, digest_of(tiny_network())}) == 3
+    digests = [
+        digest_of(tiny_network()),
+        digest_of(tiny_network(1)),
+        digest_of(tiny_network(leaky_slope=0.1)),
+        digest_of(tiny_network(octaves=2)),
+    ]
+    assert len({*digests, digest_of(tiny_network())}) == 4
 
 
 @pytest.mark.parametrize("suffix", [".ckpt", ".safetensors"])

@@ -52,7 +52,8 @@ def test_of_equal_points_the_first_in_reading_order_come_first():
     image = np.full((76, 100), 90, np.uint8)
     for top, left in ((2, 2), (2, 40), (26, 70), (48, 10)):
         image[top : top + 24, left : left + 24] = tile
-    model = model_of("best")
+    network = tiny_network(derivatives=True)  # of one octave: the mean of several rounds equal points apart
+    model = TopPoints(network, model_of("best").selector, BUDGETS["best"])
     xy, score, count = (output[0].numpy() for output in model(torch.from_numpy(image)[None, None]))
     points, _ = expected_of(model, image)
     np.testing.assert_allclose(xy[: int(count)], points.xy, atol=1e-4)

@@ -29,7 +29,7 @@ SIZES = [(120, 160), (97, 131), (1, 40), (5, 3), (2, 2), (1, 1)]
 
 
 def model_of(name: str) -> DenseMap | TopPoints:
-    network = tiny_network(derivatives=True)
+    network = tiny_network(derivatives=True, octaves=2)
     return DenseMap(network, RECALIBRATED) if name == "map" else TopPoints(network, RECALIBRATED, BUDGETS[name])
 
 

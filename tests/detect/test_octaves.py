@@ -1,0 +1,49 @@
+import cv2
+import numpy as np
+import pytest
+import torch
+from textured_scenes import texture
+
+from sips_lit.detect.octaves import enlarged, halves, mean_over_octaves
+from sips_lit.detect.selection import image_tensor
+
+
+def ramp(height: int, width: int) -> torch.Tensor:
+    """Each pixel's value tells its row and column."""
+    rows, columns = torch.arange(float(height))[:, None], torch.arange(float(width))
+    return (3 * rows + columns)[None, None]
+
+
+@pytest.mark.parametrize("octaves", [1, 2, 3])
+@pytest.mark.parametrize("size", [(40, 56), (41, 55)])
+def test_every_octave_tells_the_same_place(octaves, size):
+    """A half-pixel off, and the ramp of a coarser octave would lie beside that of the image."""
+    found, inner = mean_over_octaves(lambda image: image, ramp(*size), octaves), slice(8, -8)
+    torch.testing.assert_close(found[..., inner, inner], ramp(*size)[..., inner, inner])
+    assert found.shape == (1, 1, *size)
+
+
+def test_the_mean_is_that_of_the_logits_of_an_image_and_of_its_half():
+    image = texture(48, 60, 2)
+    half = cv2.resize(image.astype(np.float32), (30, 24), interpolation=cv2.INTER_AREA)
+
+    def logits_of(x: torch.Tensor) -> torch.Tensor:
+        return x**2  # depends on the order of averaging and scoring
+
+    larger = cv2.resize(half**2, (60, 48), interpolation=cv2.INTER_LINEAR)
+    expected = (image.astype(np.float32) ** 2 + larger) / 2
+    found = mean_over_octaves(logits_of, image_tensor(image), 2)[0, 0].numpy()
+    np.testing.assert_allclose(found[:46, :58], expected[:46, :58], rtol=1e-5)
+
+
+@pytest.mark.parametrize(("size", "expected"), [((1, 1), (2, 2)), ((2, 5), (2, 4)), ((6, 7), (4, 5))])
+def test_an_octave_covers_the_image_and_has_two_pixels_at_least(size, expected):
+    (half,) = halves(ramp(*size), 2)
+    assert half.shape == (1, 1, *expected)
+    assert enlarged(half, 1, size).shape == (1, 1, *size)
+
+
+def test_an_image_goes_on_with_its_last_pixels():
+    (half,) = halves(torch.tensor([[1.0, 2.0, 4.0]])[None, None], 2)
+    assert half[0, 0].tolist() == [[1.5, 4.0, 4.0]] * 2
+    assert halves(ramp(3, 3), 1) == []
