@@ -9,12 +9,11 @@ from sips_lit.errors import BadInputError
 from sips_lit.frames.views import FrameRange, frame_ranges
 from sips_lit.pairs.build import (
     build_indexes,
-    index_path,
-    load_index,
     measuring_threads,
     require_readable,
     unreadable_frames,
 )
+from sips_lit.pairs.index_file import index_path, load_index
 from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
 
 PARAMETERS = OverlapParameters()

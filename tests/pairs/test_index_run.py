@@ -5,7 +5,7 @@ from textured_scenes import ArraySequence, Damaged, film
 from sips_lit.errors import BadInputError
 from sips_lit.frames.recording import Recording
 from sips_lit.frames.views import FrameRange
-from sips_lit.pairs.build import index_path, load_index
+from sips_lit.pairs.index_file import index_path, load_index
 from sips_lit.pairs.index_run import IndexedSequence, index_recordings
 from sips_lit.pairs.overlap import OverlapParameters, measure_overlap
 

@@ -7,7 +7,7 @@ from overlap_rows import index_of
 from textured_scenes import flight
 
 from sips_lit.errors import BadInputError
-from sips_lit.pairs.build import index_path, load_index, save_index
+from sips_lit.pairs.index_file import index_path, load_index, save_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters
 
 WHY = {2: "a/2.png is damaged: replace or remove it"}
