@@ -21,6 +21,10 @@ class BadInputError(ValueError):
         super().__init__(_on_one_line(message))
 
 
+class StorageError(BadInputError):
+    """What has to be kept can't be written: a full disk, no permission. No other input would be better."""
+
+
 class TrainingInterrupted(Exception):  # noqa: N818 - not an error: the user asked for it
     """Training stopped on request; the message says where it was saved. ``number``: of the signal that asked."""
 
@@ -36,9 +40,13 @@ class InputWarning(UserWarning):
     """Something given is usable, but not all of it, or not in the way that one may expect."""
 
 
-def warn_input(message: str) -> None:
+class LeftOutWarning(InputWarning):
+    """A whole recording can't be read, and the others are used without it."""
+
+
+def warn_input(message: str, category: type[InputWarning] = InputWarning) -> None:
     """Warns of an input; the commands print it once, as one sentence."""
-    warnings.warn(_on_one_line(message), InputWarning, stacklevel=3)
+    warnings.warn(_on_one_line(message), category, stacklevel=3)
 
 
 def import_extra(module: str, extra: str, needed_by: str) -> Any:

@@ -13,7 +13,7 @@ import uuid
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, StorageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -25,17 +25,17 @@ LONGEST_NAME = 255  # bytes of a file or folder's name on all common systems
 
 
 def make_folder(path: Path) -> None:
-    """Makes a folder and those above it. Raises BadInputError when that is not possible."""
+    """Makes a folder and those above it. Raises StorageError when that is not possible."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise BadInputError(f"cannot make the folder {path} ({error.strerror}): choose another place") from error
+        raise StorageError(f"cannot make the folder {path} ({error.strerror}): choose another place") from error
 
 
 def write_whole(path: Path, content: Buffer) -> None:
     """Writes a file; a reader, also after a crash, finds the old content or the new one, never half of one.
 
-    Raises BadInputError when it cannot be written.
+    Raises StorageError when it cannot be written.
     """
     write_together({path: content})
 
@@ -43,7 +43,7 @@ def write_whole(path: Path, content: Buffer) -> None:
 def write_together(contents: Mapping[Path, Buffer]) -> None:
     """Writes files that belong together, each as `write_whole`: none gets its name before all are on the disk.
 
-    Raises BadInputError when one cannot be written.
+    Raises StorageError when one cannot be written.
     """
     # no other process has this name, on another machine either, nor another thread
     temporary = {path: path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp") for path in contents}
@@ -61,7 +61,7 @@ def write_together(contents: Mapping[Path, Buffer]) -> None:
             with contextlib.suppress(OSError):
                 unnamed.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise BadInputError(unwritten(path, error)) from error
+            raise StorageError(unwritten(path, error)) from error
         raise
 
 

@@ -110,7 +110,9 @@ def stats_command(args: argparse.Namespace) -> None:
         sequences += dataset.sequences(**decoded)
     indexes = build_indexes(sequences, args.cache / "indexes", OverlapParameters(), args.workers)
     pairs = zip(sequences, indexes, strict=True)
-    stats = [sequence_stats(s, i) for s, i in progress(pairs, desc="motion", unit="sequence", total=len(sequences))]
+    stats = [
+        sequence_stats(s, i.read()) for s, i in progress(pairs, desc="motion", unit="sequence", total=len(sequences))
+    ]
     print(
         f"{table([stats_row(s) for s in stats])}\n\n"
         "+n: median overlap with the frame n later; reach: median number of later frames with at least that overlap;\n"

@@ -6,6 +6,7 @@ overrides them for its own. Without entries there is one pair set, of the keys t
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -14,12 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+from hydra.errors import InstantiationException
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from sips_lit.cli.app import build, typed
 from sips_lit.cli.data_names import name_of_data
 from sips_lit.detect.sanitise import Defects
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, LeftOutWarning
 from sips_lit.evaluate.measures import Measures
 from sips_lit.evaluate.method import Method
 from sips_lit.evaluate.pair_set import PairSet
@@ -27,7 +29,7 @@ from sips_lit.evaluate.result import PairSetResult
 from sips_lit.evaluate.runner import evaluate_pair_set
 from sips_lit.files import safe_name
 from sips_lit.frames.frame_cache import FrameCache
-from sips_lit.frames.source import as_sources
+from sips_lit.frames.source import Source, as_sources
 from sips_lit.inference.score_video import write_score_video
 from sips_lit.pairs.choice import choose_pairs, write_pair_file
 from sips_lit.report.columns import auc_of
@@ -170,7 +172,7 @@ def _pair_set(
 
     measures, keys = _checked(value, key if config.pair_sets else None)
     choice: dict[str, Any] = {name: getattr(keys, name) for name in CHOICE}
-    sources, inliers = as_sources(build(value("data"))), build(value("inliers"))
+    sources, inliers = _all_of(value("data")), build(value("inliers"))
     key, title = (key, str(entry.get("title", key))) if key else name_of_data(value("data"), sources)
     listed = choose_pairs(sources, config.paths.indexes, **choice, workers=keys.workers)
     whole = PairSet(sources, listed, inliers, cache, key, title, _in_words(choice), keys.refine_poses)
@@ -193,6 +195,18 @@ def _checked(value: Callable[[str], Any], pair_set: str | None) -> tuple[Measure
         return Measures(**{name: value(name) for name in MEASURED}), typed(plain, Keys)
     except BadInputError as error:
         raise BadInputError(f"pair_sets.{pair_set}: {error}") if pair_set else error from None
+
+
+def _all_of(data: DictConfig) -> list[Source]:
+    """The sources of a data set of which nothing may be missing. Raises BadInputError where a recording can't be read."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", LeftOutWarning)
+        try:
+            return as_sources(build(data))
+        except InstantiationException as error:
+            if isinstance(error.__cause__, LeftOutWarning):
+                raise BadInputError(f"an evaluation needs every recording: {error.__cause__}") from error
+            raise
 
 
 def _in_words(choice: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sips_lit.errors import BadInputError, warn_input
+from sips_lit.errors import BadInputError, StorageError, warn_input
 from sips_lit.files import can_be_path, read_text, safe_name, write_whole
 from sips_lit.frames.images import resize_max_side
 from sips_lit.frames.listing import VIDEO_SUFFIXES, list_files, warn_of_others
@@ -80,7 +80,7 @@ def video(
     decoded once into ``cache_dir``; an interrupted decoding goes on where it stopped, a changed video or parameter starts
     it anew. A cut, frames that can't be decoded, and a change of size end a shot: no pair reaches across. Shots of fewer
     than two frames are left out. Warns of damage, and where ``max_frames`` cuts. Raises BadInputError for a missing file,
-    one without frames or of changing shape, and a disk that is too full.
+    one without frames or of changing shape (see `RecordingLoader`), and StorageError for a disk that is too full.
     """
     if max_frames < 2 or stride < 1 or (max_side is not None and max_side < 16):
         raise BadInputError(
@@ -189,7 +189,7 @@ def _decode(file: Path, cache: Path, parameters: dict[str, Any]) -> dict[str, An
         meta = {"video": file.name, **state, **parameters}
         write_whole(cache / "meta.json", (json.dumps(meta, indent=2) + "\n").encode())
     except OSError as error:
-        raise BadInputError(
+        raise StorageError(
             f"cannot write the frames of {file} to {cache}: {error.strerror or error}; what is there is kept, run it again"
         ) from error
     return meta
@@ -271,7 +271,7 @@ def check_shape(size: tuple[int, ...], before: tuple[int, int], name: str) -> No
 def _check_space(file: Path, folder: Path, needed: int) -> None:
     free = shutil.disk_usage(folder).free
     if needed + SPARE_BYTES > free:
-        raise BadInputError(
+        raise StorageError(
             f"the frames of {file} need {needed / 1e9:.1f} GB in {folder}, where {free / 1e9:.1f} GB are free: lower "
             "data.max_frames or data.max_side, raise data.stride, or set paths.frames to another disk"
         )

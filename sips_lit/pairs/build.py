@@ -4,40 +4,56 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from pathlib import Path
 
 from sips_lit.errors import BadInputError
 from sips_lit.pairs.index_file import index_path, load_index, save_index
 from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, measure_overlap
+from sips_lit.pairs.stored import Catalogue, PairTable, StoredIndex
 from sips_lit.progress import progress
 from sips_lit.types import ImageSequence
 
 
 def build_indexes(
     sequences: Sequence[ImageSequence], folder: str | Path, parameters: OverlapParameters, workers: int = 2
-) -> list[OverlapIndex]:
-    """The overlap index of each sequence, read from ``folder`` where it is up to date, else measured and stored there.
+) -> list[StoredIndex]:
+    """The overlap index of each sequence, in ``folder`` already where it is up to date, else measured and stored there.
 
     Of ranges of frames the whole sequence is measured, once, so that an index serves however it is split. Sequences are
     measured by threads (OpenCV releases the GIL). An interrupted build keeps the sequences that it finished. Raises
     BadInputError when half of the frames of a sequence can't be read or an index can't be written.
     """
-    folder = Path(folder)
+    catalogue = Catalogue(Path(folder))
     ranges = [sequence.source_range() for sequence in sequences]
-    wholes = {index_path(folder, whole): whole for whole, _, _ in ranges}
-    stored = [(path, stored_index(whole, folder, parameters)) for path, whole in wholes.items()]
-    indexes = {path: index for path, index in stored if index is not None}
-    missing = [path for path in wholes if path not in indexes]
-    total = sum(len(wholes[path]) for path in missing)
+    wholes = {index_path(catalogue.folder, whole): whole for whole, _, _ in ranges}
+    known = progress(wholes.items(), desc="stored indexes", unit="index", total=len(wholes))
+    missing = [whole for path, whole in known if not _is_stored(path, whole, parameters, catalogue)]
     with (
-        progress(desc="overlap index", unit="frame", total=total) as bar,
+        progress(desc="overlap index", unit="frame", total=sum(map(len, missing))) as bar,
         measuring_threads(workers, bar.update) as (pool, on_frame),
     ):
-        measured = pool.map(lambda path: measure(wholes[path], folder, parameters, on_frame), missing)
-        indexes.update(zip(missing, measured, strict=True))
-    return [indexes[index_path(folder, whole)].part(start, stop) for whole, start, stop in ranges]
+
+        def measured(whole: ImageSequence) -> Mapping[int, str]:
+            return measure(whole, catalogue.folder, parameters, on_frame).unreadable
+
+        for whole, unreadable in zip(missing, pool.map(measured, missing), strict=True):
+            catalogue.add(index_path(catalogue.folder, whole), parameters.signature(whole), unreadable)
+    return [StoredIndex(whole, start, stop, parameters, catalogue) for whole, start, stop in ranges]
+
+
+def _is_stored(path: Path, whole: ImageSequence, parameters: OverlapParameters, catalogue: Catalogue) -> bool:
+    """Whether the index of a whole sequence is up to date; the catalogue learns what was not known of it."""
+    signature = parameters.signature(whole)
+    unreadable = catalogue.unreadable(path, signature)
+    if unreadable is None:
+        index = load_index(path, signature)
+        if index is None:
+            return False
+        unreadable = index.unreadable
+        catalogue.add(path, signature, unreadable)
+    return not _some_can_be_read(whole, unreadable)
 
 
 @contextlib.contextmanager
@@ -72,11 +88,15 @@ def stored_index(sequence: ImageSequence, folder: Path, parameters: OverlapParam
     It is not, either, when a frame can be read that could not: a disk may have been away.
     """
     index = load_index(index_path(folder, sequence), parameters.signature(sequence))
-    for frame in index.unreadable if index else ():
+    return None if index is None or _some_can_be_read(sequence, index.unreadable) else index
+
+
+def _some_can_be_read(sequence: ImageSequence, frames: Iterable[int]) -> bool:
+    for frame in frames:
         with contextlib.suppress(BadInputError):
             sequence.frame(frame)
-            return None
-    return index
+            return True
+    return False
 
 
 def measure(
@@ -88,7 +108,7 @@ def measure(
     return index
 
 
-def require_readable(indexes: Sequence[OverlapIndex]) -> None:
+def require_readable(indexes: Sequence[PairTable]) -> None:
     """Raises BadInputError when a frame can't be read: numbers of detectors compare only on the same frames."""
     reasons = unreadable_frames(indexes)
     if reasons:
@@ -96,6 +116,6 @@ def require_readable(indexes: Sequence[OverlapIndex]) -> None:
         raise BadInputError(f"an evaluation needs every frame, but {reasons[0]}{more}")
 
 
-def unreadable_frames(indexes: Sequence[OverlapIndex]) -> list[str]:
+def unreadable_frames(indexes: Sequence[PairTable]) -> list[str]:
     """Why frames can't be read, one sentence each."""
     return [why for index in indexes for why in index.unreadable.values()]

@@ -74,7 +74,8 @@ def choose_pairs(
     for at, choice in SourceSampler(sources, indexes, overlap, seed, below).fixed(pairs):
         position = first_of_source[at] + choice.sequence
         early, late = sorted((choice.index0, choice.index1))
-        of_early = indexes[position].overlap(early), indexes[position].motion_to(early)[:, 0]
+        index = indexes[position].read()
+        of_early = index.overlap(early), index.motion_to(early)[:, 0]
         share, pixels = (float(values[late - early - 1]) for values in of_early)
         listed.append(ListedPair(position, choice.index0, choice.index1, share, pixels))
     if len(listed) < pairs:

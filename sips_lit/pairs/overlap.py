@@ -47,6 +47,14 @@ class OverlapParameters:
 
 
 @dataclass(frozen=True, slots=True)
+class PartnerCount:
+    """How many ``frames`` have a later one with enough overlap, and how many ``pairs`` these are."""
+
+    frames: int
+    pairs: int
+
+
+@dataclass(frozen=True, slots=True)
 class OverlapIndex:
     """Overlap of each of N frames with its later frames, until none is left.
 
@@ -106,14 +114,29 @@ class OverlapIndex:
         overlaps = self.overlap(index)
         return index + 1 + np.flatnonzero((overlaps >= max(overlap, 1e-9)) & (overlaps < below))
 
+    def count(self, overlap: float, below: float = math.inf) -> PartnerCount:
+        """How many frames `reach` finds partners for, and how many."""
+        reach = self.reach(overlap, below)
+        return PartnerCount(int(np.count_nonzero(reach)), int(reach.sum()))
+
+    def read(self) -> OverlapIndex:
+        """Itself: an index that is in a file is read by this (`StoredIndex`)."""
+        return self
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its arrays."""
+        return self.survivors.nbytes + self.motion.nbytes + self.offsets.nbytes + self.points.nbytes
+
     def part(self, start: int, stop: int) -> OverlapIndex:
         """The index of frames ``start`` to ``stop`` (exclusive), counted from ``start``."""
         if stop - start == len(self):
             return self
-        ends = np.minimum(self.offsets[start + 1 : stop + 1], self.offsets[start:stop] + np.arange(stop - start)[::-1])
-        rows = [(self.survivors[a:b], self.motion[a:b]) for a, b in zip(self.offsets[start:stop], ends, strict=True)]
+        lengths = np.minimum(np.diff(self.offsets[start : stop + 1]), np.arange(stop - start)[::-1])
+        offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+        kept = np.arange(offsets[-1]) + np.repeat(self.offsets[start:stop] - offsets[:-1], lengths)
         unreadable = {index - start: why for index, why in self.unreadable.items() if start <= index < stop}
-        return _as_index(rows, self.points[start:stop], unreadable)
+        return OverlapIndex(self.survivors[kept], self.motion[kept], offsets, self.points[start:stop], unreadable)
 
 
 Row = tuple[NDArray[np.uint16], NDArray[np.float16]]

@@ -6,13 +6,21 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
 from sips_lit.pairs.overlap import OverlapIndex
+from sips_lit.pairs.recent import Recent
+from sips_lit.pairs.stored import PairTable
+from sips_lit.progress import progress
 from sips_lit.types import FramePair, ImageSequence, InlierCheck, ViewGeometry
+
+HELD: Final = 1 << 24
+"""Bytes of numbers of frames with partners that a sampler holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +55,7 @@ class PairSampler:
 
     def __init__(
         self,
-        indexes: Sequence[OverlapIndex],
+        indexes: Sequence[PairTable],
         overlap: float,
         seed: int,
         names: Sequence[str] = (),
@@ -55,13 +63,16 @@ class PairSampler:
         spread: float = 0.0,
     ) -> None:
         self.seed, self.range, self.spread, self.indexes = seed, (overlap, below), spread, list(indexes)
-        eligible = [np.flatnonzero(index.reach(*self.range)) for index in indexes]
-        self._sequence = np.repeat(np.arange(len(indexes)), [len(frames) for frames in eligible])
-        self._frame = np.concatenate([*eligible, np.zeros(0, np.int64)])
-        self.pair_count = sum(int(index.reach(*self.range).sum()) for index in indexes)
-        if not len(self._frame):
+        counts = [
+            index.count(*self.range)
+            for index in progress(self.indexes, desc="counting pairs", unit="index", total=len(self.indexes))
+        ]
+        self._ends = np.cumsum([count.frames for count in counts], dtype=np.int64)  # of all frames with a partner
+        self.pair_count = sum(count.pairs for count in counts)
+        self._eligible: Recent[NDArray[np.int64]] = Recent(HELD, lambda frames: frames.nbytes)
+        if not self.pair_count:
             best = max(
-                (float(index.overlap(i).max(initial=0)) for index in indexes for i in range(len(index))), default=0
+                (float(i.overlap(f).max(initial=0)) for i in map(_read, indexes) for f in range(len(i))), default=0
             )
             raise BadInputError(
                 f"no two frames of {', '.join(names) or 'the data'} overlap by {overlap:g}"
@@ -72,10 +83,12 @@ class PairSampler:
     def draw(self, epoch: int, index: int) -> PairChoice:
         """Draw number ``index`` of an epoch."""
         generator = np.random.default_rng([self.seed, epoch, index])
-        at = generator.integers(len(self._frame))
-        sequence, first = int(self._sequence[at]), int(self._frame[at])
-        partners = self.indexes[sequence].partners(first, *self.range)
-        of_partners = self.indexes[sequence].difficulty(first)[partners - first - 1]
+        at = int(generator.integers(self._ends[-1]))
+        sequence = int(np.searchsorted(self._ends, at, side="right"))
+        table, eligible = self.indexes[sequence].read(), self._frames_of(sequence)
+        first = int(eligible[at - int(self._ends[sequence])])  # counted from the end of those of the sequence
+        partners = table.partners(first, *self.range)
+        of_partners = table.difficulty(first)[partners - first - 1]
         _, kind, count = np.unique(of_partners, return_inverse=True, return_counts=True)
         weight = np.cumsum(count[kind] ** -float(self.spread))
         second = int(partners[np.searchsorted(weight, generator.random() * weight[-1], side="right")])
@@ -85,9 +98,18 @@ class PairSampler:
 
     def all_pairs(self) -> Iterator[PairChoice]:
         """Each pair once, the earlier frame first."""
-        for sequence, first in zip(self._sequence.tolist(), self._frame.tolist(), strict=True):
-            for second in self.indexes[sequence].partners(first, *self.range).tolist():
-                yield PairChoice(sequence, first, second)
+        for sequence, index in enumerate(map(_read, self.indexes)):
+            for first in self._frames_of(sequence).tolist():
+                for second in index.partners(first, *self.range).tolist():
+                    yield PairChoice(sequence, first, second)
+
+    def _frames_of(self, sequence: int) -> NDArray[np.int64]:
+        """Frames of a sequence that have partners."""
+        return self._eligible.get(sequence, lambda: np.flatnonzero(self.indexes[sequence].read().reach(*self.range)))
+
+
+def _read(index: PairTable) -> OverlapIndex:
+    return index.read()
 
 
 class SourceSampler:
@@ -100,7 +122,7 @@ class SourceSampler:
     def __init__(
         self,
         sources: Sequence[Source],
-        indexes: Sequence[OverlapIndex],
+        indexes: Sequence[PairTable],
         overlap: float,
         seed: int,
         below: float = math.inf,

@@ -47,9 +47,11 @@ class TrainingPairs:
         """Pair ``index``; raises BadInputError when `TRIES` pairs in a row can't be read."""
         skipped: list[str] = []
         for attempt in range(TRIES):
-            at, choice = self.sampler.draw(attempt, index)  # a run is one long epoch: the sampler's epoch counts tries
-            sequence, check = self.sources[at].sequences[choice.sequence], self.sources[at].inliers or self.default
             try:
+                at, choice = self.sampler.draw(
+                    attempt, index
+                )  # a run is one long epoch: the sampler's epoch counts tries
+                sequence, check = self.sources[at].sequences[choice.sequence], self.sources[at].inliers or self.default
                 pair = read_pair(sequence, choice.index0, choice.index1, check.uses_frames, check.uses_depth)
             except BadInputError as error:
                 skipped.append(str(error))

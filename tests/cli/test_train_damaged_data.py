@@ -6,6 +6,7 @@ import cv2
 import pytest
 from cli_runs import TINY, write_frames
 from textured_scenes import flight
+from video_files import write_video
 
 from sips_lit.errors import BadInputError
 from sips_lit.frames.folder import FolderSequence
@@ -56,3 +57,19 @@ def test_images_of_several_sizes_in_one_folder(command, tmp_path):
         sentence := command("train", *given(half)).sentence
     )
     assert "008.png is 60x50" in sentence
+
+
+def test_a_broken_video_among_many_costs_one_line(command, tmp_path):
+    videos = tmp_path / "videos"
+    videos.mkdir()
+    for name in ("a", "b"):
+        write_video(videos / f"{name}.avi", flight(16, size=(96, 80), name=name).frames)
+    (videos / "broken.avi").write_bytes(b"no video at all" * 100)
+    given = "data=video", f"data.path={videos}"
+    result = command("train", *TINY, *given)
+    assert result.code == 0, result.err
+    warned = [line for line in result.err.splitlines() if line.startswith("warning: ")]
+    assert warned == [line for line in warned if line.startswith(f"warning: left out: {videos}/broken.avi is no video")]
+    assert len(warned) == 1
+    evaluation = command("evaluate", "detector=fast", *given, "checkpoint=none")
+    assert f"an evaluation needs every recording: left out: {videos}/broken.avi is no video" in evaluation.sentence

@@ -40,8 +40,8 @@ def test_in_the_order_of_the_sequences_whatever_the_workers(tmp_path, workers):
     built = build_indexes(sequences, tmp_path, PARAMETERS, workers)
     for sequence, index in zip(sequences, built, strict=True):
         expected = measure_overlap(sequence, PARAMETERS)
-        np.testing.assert_array_equal(index.survivors, expected.survivors)
-        np.testing.assert_array_equal(index.points, expected.points)
+        np.testing.assert_array_equal(index.read().survivors, expected.survivors)
+        np.testing.assert_array_equal(index.read().points, expected.points)
 
 
 def test_a_second_call_reads_no_frame(tmp_path):
@@ -50,8 +50,8 @@ def test_a_second_call_reads_no_frame(tmp_path):
     second = build_indexes(again, str(tmp_path), PARAMETERS)
     assert [sequence.reads for sequence in again] == [0, 0, 0]
     for a, b in zip(first, second, strict=True):
-        np.testing.assert_array_equal(a.survivors, b.survivors)
-        np.testing.assert_array_equal(a.offsets, b.offsets)
+        np.testing.assert_array_equal(a.read().survivors, b.read().survivors)
+        np.testing.assert_array_equal(a.read().offsets, b.read().offsets)
 
 
 def test_only_what_is_missing_is_measured_and_put_in_its_place(tmp_path):
@@ -61,7 +61,7 @@ def test_only_what_is_missing_is_measured_and_put_in_its_place(tmp_path):
     built = build_indexes(fresh, tmp_path, PARAMETERS)
     assert [sequence.reads for sequence in fresh] == [0, 5, 0]
     for sequence, index in zip(fresh, built, strict=True):
-        np.testing.assert_array_equal(index.survivors, measure_overlap(sequence, PARAMETERS).survivors)
+        np.testing.assert_array_equal(index.read().survivors, measure_overlap(sequence, PARAMETERS).survivors)
 
 
 def test_other_parameters_measure_anew(tmp_path):
@@ -69,7 +69,7 @@ def test_other_parameters_measure_anew(tmp_path):
     again = scenes()
     built = build_indexes(again, tmp_path, OverlapParameters(spacing=24))
     assert [sequence.reads for sequence in again] == [5, 5, 5]
-    assert built[0].points[0] < measure_overlap(again[0], PARAMETERS).points[0]
+    assert built[0].read().points[0] < measure_overlap(again[0], PARAMETERS).points[0]
 
 
 def test_a_damaged_index_is_measured_anew(tmp_path):
@@ -166,7 +166,7 @@ def test_a_range_of_frames_is_a_part_of_the_whole(tmp_path):
     for part, start, stop in zip(parts, (0, 6, 3), (6, 9, 7), strict=True):
         assert len(part) == stop - start
         for i in range(len(part)):
-            np.testing.assert_array_equal(part.overlap(i), expected.overlap(start + i)[: stop - start - i - 1])
+            np.testing.assert_array_equal(part.read().overlap(i), expected.overlap(start + i)[: stop - start - i - 1])
     again = film(9)
     build_indexes([FrameRange(again, 4, 8)], tmp_path, PARAMETERS)
     assert again.reads == 0
@@ -192,7 +192,7 @@ def test_a_frame_that_can_be_read_again_is_measured(tmp_path):
     away.bad = ()
     (index,) = build_indexes([away], tmp_path, PARAMETERS)
     assert not index.unreadable
-    np.testing.assert_array_equal(index.survivors, measure_overlap(film(9), PARAMETERS).survivors)
+    np.testing.assert_array_equal(index.read().survivors, measure_overlap(film(9), PARAMETERS).survivors)
 
 
 def test_evaluations_need_every_frame(tmp_path):

@@ -224,3 +224,17 @@ def test_a_partner_is_read_where_there_is_no_depth_map(lacking):
     assert (geometry.right0 is None, geometry.right1 is None) == (lacking == 2, lacking == 0)
     assert (geometry.depth0 is None, geometry.depth1 is None) == (lacking == 0, lacking == 2)
     assert geometry.baseline == 0.3
+
+
+def test_a_draw_is_one_of_all_frames_with_a_partner_in_their_order():
+    indexes = [index_of([[], []]), FIRST, index_of([[1], []]), SECOND, FIRST]
+    sampler = PairSampler(indexes, 0.5, seed=11)
+    eligible = [(at, i) for at, index in enumerate(indexes) for i in range(len(index)) if len(index.partners(i, 0.5))]
+    drawn = [sampler.draw(1, number) for number in range(200)]
+    for number, pair in enumerate(drawn):
+        expected = eligible[np.random.default_rng([11, 1, number]).integers(len(eligible))]
+        assert (pair.sequence, min(pair.index0, pair.index1)) == expected
+    assert {pair.sequence for pair in drawn} == {1, 3, 4}
+    every = [(pair.sequence, pair.index0) for pair in sampler.all_pairs()]
+    assert sorted(set(every)) == eligible
+    assert len(every) == sampler.pair_count
