@@ -21,6 +21,7 @@ import numpy as np
 import psutil
 from tabulate import tabulate
 
+from sips_lit.cli.explain import plain_warnings
 from sips_lit.datasets.demo import demo_stills
 from sips_lit.datasets.virtual_flight import flights_over
 from sips_lit.describe.sift import RootSift
@@ -102,6 +103,7 @@ def link_videos(root: Path, clips: list[Path], count: int) -> None:
 
 def measure(root: Path, count: int) -> Measured:
     """A training over the first ``count`` videos of the list, without the network, and an indexing."""
+    plain_warnings()
     part = root / f"list{count}.txt"
     part.write_text("\n".join((root / "list.txt").read_text().splitlines()[: count + BROKEN]))
 
@@ -155,12 +157,12 @@ def main() -> None:
             command = [sys.executable, __file__, str(root), "--measure", str(count)]
             told = subprocess.run(command, check=True, capture_output=True, text=True)
             rows.append(Measured(**json.loads(told.stdout.splitlines()[-1])))
-            lines = [line for line in told.stderr.splitlines() if line]
-            print(f"{count} videos: {len(lines)} lines of warnings, the first: {lines[0] if lines else ''}", flush=True)
-    report(rows)
+            lines = [line for line in told.stderr.splitlines() if line.startswith("warning")]
+            print(f"{count} videos: {len(lines)} lines of warnings, the first: {lines[0]}", flush=True)
+    report(rows, len(lines))
 
 
-def report(rows: list[Measured]) -> None:
+def report(rows: list[Measured], lines: int) -> None:
     """A table, and each figure beside its limit; raises SystemExit where one is missed."""
     headers = ["videos", "start s", "next start s", "MB before", "MB started", f"MB after {DRAWS} draws", "draw ms"]
     print(
@@ -173,6 +175,7 @@ def report(rows: list[Measured]) -> None:
         (f"MB that {DRAWS} draws add", most.later - most.after, LEAK),
         ("time of a draw against a hundredth of the videos", most.draw / few.draw, GROWTH),
         ("open files, more than with a hundredth", most.files - few.files, 0),
+        ("lines of warnings per broken video", lines / BROKEN, 1),
     ]
     missed = []
     for name, value, limit in limits:

@@ -12,6 +12,7 @@ from tabulate import tabulate
 
 from sips_lit.cli.app import build, run
 from sips_lit.errors import BadInputError
+from sips_lit.frames.footage import footage_of_all
 from sips_lit.frames.recording import Recording
 from sips_lit.frames.source import as_sources, chosen
 from sips_lit.pairs.index_run import IndexedSequence, ShareSummary, index_recordings, share
@@ -27,6 +28,9 @@ def index(config: DictConfig) -> None:
     """
     folder, shard = Path(config.paths.indexes).resolve(), str(config.shard)
     mine = share(recordings(config.data), shard)
+    footage = footage_of_all([recording.footage for recording in mine])
+    if footage is not None:
+        print(footage, flush=True)
     data = str(OmegaConf.to_container(config.data, resolve=True))
     summary = ShareSummary(folder, data, shard, (recording.where for recording in mine))
     saved = time.monotonic()

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Generic, ParamSpec
 
 from sips_lit.errors import BadInputError, LeftOutWarning, StorageError, warn_input
+from sips_lit.frames.footage import Footage
 from sips_lit.progress import progress
 from sips_lit.types import ImageSequence
 
@@ -18,11 +19,13 @@ P = ParamSpec("P")
 class Recording:
     """A part of a data set: a video file, or one sequence of anything else.
 
-    ``where`` tells it apart from all others; ``open`` gives its sequences, and decodes a video if that was not done.
+    ``where`` tells it apart from all others; ``open`` gives its sequences, and decodes a video if that was not done;
+    ``footage`` tells from its head what that takes, None if that is nothing or can't be told.
     """
 
     where: str
     open: Callable[[], Sequence[ImageSequence]]
+    footage: Callable[[], Footage | None] = lambda: None
 
 
 class RecordingLoader(Generic[P]):

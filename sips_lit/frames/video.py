@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from sips_lit.errors import BadInputError, StorageError, warn_input
 from sips_lit.files import can_be_path, read_text, safe_name, write_whole
+from sips_lit.frames.footage import Footage, footage_of_video
 from sips_lit.frames.images import resize_max_side
 from sips_lit.frames.listing import VIDEO_SUFFIXES, list_files, warn_of_others
 from sips_lit.frames.recording import Recording, RecordingLoader
@@ -91,9 +92,8 @@ def video(
     for file in dict.fromkeys(file.absolute() for file in find_videos(path)):
         name = safe_name(file.stem)
         files[name if name not in files else f"{name}_{hashlib.sha256(str(file).encode()).hexdigest()[:6]}"] = file
-    return [
-        Recording(str(file), partial(_shots, file, name, Path(cache_dir), parameters)) for name, file in files.items()
-    ]
+    caches = {name: (file, name, Path(cache_dir), parameters) for name, file in files.items()}
+    return [Recording(str(given[0]), partial(_shots, *given), partial(_footage, *given)) for given in caches.values()]
 
 
 def find_videos(path: str | Path | Sequence[str | Path]) -> list[Path]:
@@ -140,9 +140,7 @@ def _matching(pattern: str) -> list[Path]:
 
 
 def _shots(file: Path, name: str, cache_dir: Path, parameters: dict[str, Any]) -> list[ImageSequence]:
-    stat = file.stat()
-    source = {"version": VERSION, "bytes": stat.st_size, "mtime_ns": stat.st_mtime_ns, **parameters}
-    fingerprint = hashlib.sha256(json.dumps(source, sort_keys=True).encode()).hexdigest()[:16]
+    fingerprint = _fingerprint(file, parameters)
     cache = cache_dir / f"{name}-{fingerprint[:8]}"
     meta = _read_meta(cache) or _decode(file, cache, parameters)
     if meta["damage"]:
@@ -163,6 +161,17 @@ def _shots(file: Path, name: str, cache_dir: Path, parameters: dict[str, Any]) -
         )
         for i, (a, b) in enumerate(spans)
     ]
+
+
+def _fingerprint(file: Path, parameters: dict[str, Any]) -> str:
+    stat = file.stat()
+    source = {"version": VERSION, "bytes": stat.st_size, "mtime_ns": stat.st_mtime_ns, **parameters}
+    return hashlib.sha256(json.dumps(source, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _footage(file: Path, name: str, cache_dir: Path, parameters: dict[str, Any]) -> Footage | None:
+    frames = cache_dir / f"{name}-{_fingerprint(file, parameters)[:8]}" / "frames.u8"
+    return footage_of_video(file, **parameters, there=frames.stat().st_size if frames.is_file() else 0)
 
 
 def _read_meta(cache: Path) -> dict[str, Any] | None:

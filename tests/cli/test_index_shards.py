@@ -56,6 +56,7 @@ def assert_all_done(folders: Path) -> None:
 def test_a_machine_decodes_its_own_videos_only(command, folders, videos):
     second = command("index", *given(videos, "shard=2/3"))
     assert second.code == 0, second.err  # b/a and d
+    assert second.out.startswith("about 0.0 minutes of video: 0.1 MB of frames (")
     assert set(summary(folders)) == {"b/a.avi", "d.avi"}
     assert [name[:1] for name in decoded(folders)] == ["a", "d"]
     third = command("index", *given(videos, "shard=3/3"))
