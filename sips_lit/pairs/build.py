@@ -28,7 +28,7 @@ def build_indexes(
     catalogue = Catalogue(Path(folder))
     ranges = [sequence.source_range() for sequence in sequences]
     wholes = {index_path(catalogue.folder, whole): whole for whole, _, _ in ranges}
-    known = progress(wholes.items(), desc="stored indexes", unit="index", total=len(wholes))
+    known = progress(wholes.items(), desc="stored indexes", unit="sequence", total=len(wholes))
     missing = [whole for path, whole in known if not _is_stored(path, whole, parameters, catalogue)]
     with (
         progress(desc="overlap index", unit="frame", total=sum(map(len, missing))) as bar,

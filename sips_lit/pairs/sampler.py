@@ -65,7 +65,7 @@ class PairSampler:
         self.seed, self.range, self.spread, self.indexes = seed, (overlap, below), spread, list(indexes)
         counts = [
             index.count(*self.range)
-            for index in progress(self.indexes, desc="counting pairs", unit="index", total=len(self.indexes))
+            for index in progress(self.indexes, desc="counting pairs", unit="sequence", total=len(self.indexes))
         ]
         self._ends = np.cumsum([count.frames for count in counts], dtype=np.int64)  # of all frames with a partner
         self.pair_count = sum(count.pairs for count in counts)

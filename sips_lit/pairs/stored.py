@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 import math
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -19,7 +20,7 @@ from sips_lit.pairs.overlap import OverlapIndex, OverlapParameters, PartnerCount
 from sips_lit.pairs.recent import Recent
 from sips_lit.types import ImageSequence
 
-HELD: Final = 1 << 27
+HELD: Final = 1 << 26
 """Bytes of indexes that a process holds."""
 NAME: Final = "catalogue.json"
 SAVE_AFTER: Final = 2.0
@@ -68,15 +69,19 @@ class Catalogue:
         self._keep(path, entry | {"unreadable": {str(frame): why for frame, why in unreadable.items()}})
 
     def count(self, index: StoredIndex, overlap: float, below: float) -> PartnerCount:
-        """What `OverlapIndex.count` says of an index. Raises BadInputError where it has to be read and can't be."""
-        entry, key = self._valid(index.path), f"{index.start}:{index.stop}:{overlap!r}:{below!r}"
-        if entry is not None and key in entry["counts"]:
-            return PartnerCount(**entry["counts"][key])
-        count = index.load().count(overlap, below)
-        if entry is not None:
-            entry["counts"][key] = asdict(count)
+        """What `OverlapIndex.count` says of an index. Raises BadInputError where it has to be read and can't be.
+
+        The frames before and after are counted with it, since a training asks for them next, to validate on.
+        """
+        entry, asked = self._valid(index.path), f"{overlap!r}:{below!r}"
+        if entry is None:
+            return index.load().count(overlap, below)
+        if (key := f"{index.start}:{index.stop}:{asked}") not in entry["counts"]:
+            whole = index.load_whole()
+            for start, stop in ((index.start, index.stop), (0, index.start), (index.stop, len(whole))):
+                entry["counts"][f"{start}:{stop}:{asked}"] = asdict(whole.part(start, stop).count(overlap, below))
             self._keep(index.path, entry)
-        return count
+        return PartnerCount(**entry["counts"][key])
 
     def _valid(self, path: Path) -> dict[str, Any] | None:
         entry = self.entries.get(path.name)
@@ -134,10 +139,16 @@ class StoredIndex:
 
     def load(self) -> OverlapIndex:
         """As `read`, but it is not held."""
+        return self.load_whole().part(self.start, self.stop)
+
+    def load_whole(self) -> OverlapIndex:
+        """The index of the whole sequence. Raises BadInputError when its file is gone or damaged."""
         index = load_index(self.path, self.parameters.signature(self.whole))
         if index is None:
+            with contextlib.suppress(OSError):
+                os.utime(self.path)  # no catalogue vouches for it any more, so that another run measures it
             raise BadInputError(f"the overlap index {self.path} is gone or damaged: run again to measure it once more")
-        return index.part(self.start, self.stop)
+        return index
 
 
 def _stat(path: Path) -> list[int]:

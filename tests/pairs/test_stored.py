@@ -153,3 +153,22 @@ def test_an_index_that_is_gone_is_told(tmp_path):
     index.path.unlink()
     with pytest.raises(BadInputError, match=r"the overlap index .*npz is gone or damaged: run again"):
         index.read()
+
+
+def test_a_damaged_index_is_told_and_measured_by_the_next_run(tmp_path):
+    (index,) = stored(tmp_path)
+    content, times = index.path.read_bytes(), index.path.stat()
+    index.path.write_bytes(content[:300] + b"damaged" + content[307:])
+    os.utime(index.path, ns=(times.st_atime_ns, times.st_mtime_ns))  # as a disk does that fails
+    with pytest.raises(BadInputError, match="gone or damaged"):
+        stored(tmp_path)[0].read()
+    assert rows_of(stored(tmp_path)[0].read()) == rows_of(measure_overlap(film(9), PARAMETERS))
+
+
+def test_both_parts_of_a_split_are_counted_at_one_reading(tmp_path, loads):
+    early, late = stored(tmp_path, (0, 6), (6, 9))
+    loads.clear()
+    whole = measure_overlap(film(9), PARAMETERS)
+    assert early.count(0.3) == whole.part(0, 6).count(0.3)
+    assert late.count(0.3) == whole.part(6, 9).count(0.3)
+    assert len(loads) == 1
