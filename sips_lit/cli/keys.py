@@ -28,6 +28,10 @@ OTHER_WORDS: Final = {
     "input": "data.path",
 }
 """What other programs call some keys: nothing in their letters leads to ours."""
+IN_STEPS: Final = frozenset({"epochs", "max_epochs"})
+"""Keys of other programs whose number is none for ours: a run is counted in steps."""
+FREE: Final = frozenset({"callbacks", "pair_sets", "sources"})
+"""Mappings whose keys are names that the user gives; what is read of their entries, their readers check."""
 _GROUP = re.compile(r"\+?([\w/]+)(?:@[\w.]+)?=(\w+)")
 _UNKNOWN = re.compile(
     r"Could not (?:override|delete)(?: from config\.)? '([^'=]+)(?:=[^']*)?'|config group '([^']+)' does not"
@@ -50,7 +54,7 @@ def explain_composition(error: Exception, command: str, arguments: Sequence[str]
         return f"there is no {group}={name}: {guess}choose among {', '.join(error.options)}"
     found = _UNKNOWN.search(text)
     if found:
-        return unknown_key(found[1] or found[2], command, plain_config(command, arguments))
+        return unknown_key(found[1] or found[2], command, plain_config(command, arguments), composed=False)
     found = _TWICE.search(text)
     if found:
         key = next(part for part in found.groups() if part)
@@ -62,24 +66,46 @@ def explain_composition(error: Exception, command: str, arguments: Sequence[str]
     return None
 
 
-def unknown_key(key: str, command: str, config: dict[str, Any]) -> str:
+def unknown_key(key: str, command: str, config: dict[str, Any], composed: bool = True) -> str:
     """The sentence about a key that nobody reads, with what it may have been meant for.
 
     ``config`` is the plain configuration of the command; of a part of it that a constructor makes, the arguments of that
-    count, too.
+    count, too. ``composed``: the key got into it, by a plus or a file; else a plus may be what it needs.
     """
     parent, _, last = key.rpartition(".")
+    known = set(dotted(config)) if key.startswith("hydra.") else own_keys(config)
+    if last in IN_STEPS and OTHER_WORDS[last] in known:
+        return f"nothing in sips-{command} reads the key {key}: {in_steps(OTHER_WORDS[last])}=..."
     node = _at(config, parent)
     target = node.get("_target_") if isinstance(node, dict) else None
     takes = (arguments_of(target) if isinstance(target, str) else None) or ()
     if last in takes:
         return f"the configuration has no {key}, but {str(target).rpartition('.')[2]} takes it: write +{key}=..."
-    known = set(dotted(config)) if key.startswith("hydra.") else own_keys(config)
     if "@" in key:
         known = {choice for choice in config["hydra"]["runtime"]["choices"] if "@" in choice}
-    names = {*known, *(f"{parent}.{name}" for name in takes)}
-    told = _guess(nearest(key, names)) or f"sips-{command} --cfg job shows those that there are"
+    names = {*_beside(key, known), *(f"{parent}.{name}" for name in takes)}
+    guess = _guess(nearest(key, names))
+    if not composed and _free_part(key) is not None:
+        return f"the configuration has no {key}: {guess.replace('? ', '? Else ')}write +{key}=... to add it"
+    told = guess or f"sips-{command} --cfg job shows those that there are"
     return f"nothing in sips-{command} reads the key {key}: {told}".rstrip(" ;")
+
+
+def in_steps(key: str) -> str:
+    """That a number of epochs is none for ``key``."""
+    return f"a run is counted in steps, not in epochs (--help has the number): set {key}"
+
+
+def _free_part(key: str) -> str | None:
+    """The mapping of names of the user's own that a key is in, as ``data.sources``; None where there is none."""
+    parts = key.split(".")
+    return next((".".join(parts[: at + 1]) for at, part in enumerate(parts[:-1]) if part in FREE), None)
+
+
+def _beside(key: str, known: Collection[str]) -> Collection[str]:
+    """The keys that one may have been meant for: within a mapping of the user's own names those within it."""
+    free = _free_part(key)
+    return known if free is None else [name for name in known if name.startswith(f"{free}.")]
 
 
 def nearest(key: str, names: Collection[str]) -> str | None:

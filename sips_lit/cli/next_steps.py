@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, Final
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from omegaconf import DictConfig
+from omegaconf import DictConfig, ListConfig
 
 from sips_lit.cli.arguments import holds_path, path_argument
 
 FRAMES = ("video", "folder")  # choices of data that sips-detect reads by the same path
+POINTS: Final = "n=[10,25,50,100,200,500]"
+DETECTORS: Final = "detectors=[sips,sift,orb]"
 
 
 def told(commands: Sequence[Sequence[str]]) -> str:
@@ -42,6 +45,25 @@ def after_training(config: DictConfig) -> list[list[str]]:
     if choices.get("experiment") is None:  # an experiment may hold keys that an evaluation does not have
         commands.append(["sips-evaluate", checkpoint, f"data={kind}", *_settings_of_pairs()])
     return [*commands, *tensorboard(config)]
+
+
+def after_odometry(config: DictConfig) -> list[list[str]]:
+    """The same camera by several detectors with several numbers of points; after both, what the detectors cost."""
+    given = {str(o).partition("=")[0]: pasted(str(o)) for o in HydraConfig.get().overrides.task}
+    several = {"n": isinstance(config.n, ListConfig), "detectors": config.detectors is not None}
+    if all(several.values()):
+        return [["sips-speed", given.get("detectors", DETECTORS)]]
+    given |= {key: value for key, value in (("n", POINTS), ("detectors", DETECTORS)) if not several[key]}
+    return [["sips-odometry", *given.values()]]
+
+
+def after_speed(input_path: Path | None, fastest: Mapping[str, Any] | None) -> list[list[str]]:
+    """The points of what was measured on, by the fastest of our own detectors, of which the configuration is given."""
+    if input_path is None or fastest is None:
+        return []
+    own = [f"{key}={fastest[key]}" for key in ("runtime", "precision") if key in fastest]
+    checkpoint, found = path_argument("checkpoint", Path(fastest["path"])), path_argument("input", input_path)
+    return [["sips-detect", checkpoint, *own, found]]
 
 
 def _settings_of_pairs() -> list[str]:

@@ -15,6 +15,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from sips_lit.cli.app import build, run, typed
 from sips_lit.cli.evaluation import tell_written, told
 from sips_lit.cli.methods import configured_method, make_methods
+from sips_lit.cli.next_steps import after_odometry
 from sips_lit.detect.sanitise import Defects
 from sips_lit.errors import BadInputError
 from sips_lit.frames.source import as_sources
@@ -94,7 +95,7 @@ def _tell_defects(name: str, defects: Defects) -> None:
         print(f"sanitised: {name}: {defects}")
 
 
-main = partial(run, "odometry", odometry)
+main = partial(run, "odometry", odometry, after_odometry)
 
 if __name__ == "__main__":
     main()

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
-from sips_lit.cli.keys import nearest
+from sips_lit.cli.keys import IN_STEPS, in_steps, nearest
 from sips_lit.errors import BadInputError
 
 FLAGS: Final = frozenset({"--help", "-h", "--hydra-help", "--version", "--resolve", "--run", "-r", "--multirun", "-m"})
@@ -32,6 +32,8 @@ def refuse_options(arguments: Sequence[str], keys: Callable[[], Collection[str]]
         meant = option.lstrip("-").replace("-", "_")
         names = keys()
         key = meant if meant in names else nearest(meant, names)
+        if key is not None and meant in IN_STEPS:
+            raise BadInputError(f"there is no option {option}: {in_steps(key)}=..., without dashes")
         told = f"here {key}={value or '...'}" if key is not None else "see --help"
         raise BadInputError(f"there is no option {option}: a key is written key=value, without dashes, {told}")
 

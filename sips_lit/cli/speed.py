@@ -14,12 +14,15 @@ from typing import Any, cast
 import cv2
 import numpy as np
 import torch
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from tabulate import tabulate
 
 from sips_lit.cli.app import build, run, typed
 from sips_lit.cli.explain import explain
 from sips_lit.cli.methods import Entry, parse_entries, with_detector
+from sips_lit.cli.next_steps import after_speed, told
 from sips_lit.cli.peak_memory import peak_memory
 from sips_lit.datasets.demo import demo_photograph
 from sips_lit.errors import BadInputError
@@ -67,7 +70,7 @@ def speed(config: DictConfig) -> None:
         if value is not None and value < 1:
             raise BadInputError(f"{key} is {value}: give a number from 1")
     set_threads(options.threads)
-    images, source, decode = read_images(options)
+    images, path, source, decode = read_images(options)
     candidates = make_candidates(config)
     speeds = measure_speed([each.method for each in candidates], images, options.n, options.rounds)
     peaks = peaks_of(candidates, images[0], options.n) if options.memory else [None] * len(candidates)
@@ -83,6 +86,15 @@ def speed(config: DictConfig) -> None:
     protocol = {"source": source, "size": shape, "images": len(images), "n": options.n, "rounds": options.rounds}
     protocol |= {"threads": threads, "torch": version, "opencv": cv2.__version__, **describe_machine()}
     write(Path(options.output), speeds, peaks, {**protocol, "decode_ms": decode})
+    following = after_speed(path, fastest_of_ours(candidates, speeds))
+    if following and HydraConfig.get().mode == RunMode.RUN:
+        print(told(following))
+
+
+def fastest_of_ours(candidates: Sequence[Candidate], speeds: Sequence[Speed]) -> dict[str, Any] | None:
+    """The configuration of the fastest detector that sips-detect runs; None where none was measured."""
+    ours = [(speed.median("points") or 0.0, at) for at, speed in enumerate(speeds) if "path" in candidates[at].config]
+    return candidates[min(ours)[1]].config if ours else None
 
 
 def set_threads(threads: int | None) -> None:
@@ -92,14 +104,14 @@ def set_threads(threads: int | None) -> None:
     cv2.setNumThreads(torch.get_num_threads())
 
 
-def read_images(options: SpeedOptions) -> tuple[list[GreyImage], str, float | None]:
-    """The images, what they are in words, and the milliseconds of decoding one; None for one that is made up."""
+def read_images(options: SpeedOptions) -> tuple[list[GreyImage], Path | None, str, float | None]:
+    """The images, where they are, what they are in words, and the milliseconds of decoding one; None for one made up."""
     size = size_of(options.size)
     if options.input is None:
         try:
             path, source = demo_photograph(), "a photograph of scikit-image (motorcycle)"
         except BadInputError:
-            return [synthetic_image(size or (640, 480))], "an image that is made up (no scikit-image here)", None
+            return [synthetic_image(size or (640, 480))], None, "an image that is made up (no scikit-image here)", None
     else:
         path, source = Path(options.input), Path(options.input).name
     images: list[GreyImage] = []
@@ -110,7 +122,7 @@ def read_images(options: SpeedOptions) -> tuple[list[GreyImage], str, float | No
         taken.append(1e3 * (time.perf_counter() - start) / len(images))
     if size is not None:
         images = [np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8) for image in images]
-    return images, source, float(np.median(taken))
+    return images, path, source, float(np.median(taken))
 
 
 def size_of(given: Any) -> tuple[int, int] | None:

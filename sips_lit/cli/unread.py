@@ -11,11 +11,9 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from sips_lit.cli.conf_files import CONF_DIR, described_keys
-from sips_lit.cli.keys import arguments_of, unknown_key
+from sips_lit.cli.keys import FREE, arguments_of, unknown_key
 from sips_lit.errors import BadInputError
 
-FREE: Final = frozenset({"callbacks", "pair_sets", "sources"})
-"""Mappings whose keys are names that the user gives; what is read of their entries, their readers check."""
 COMPARED: Final = {"compare": "benchmark"}
 """A key that holds the keys of another command."""
 OF_HYDRA: Final = frozenset({"_target_", "_partial_", "_args_", "_convert_", "_recursive_"})

@@ -31,7 +31,10 @@ def test_a_key_of_a_command_itself(command, name, near, plus):
         (["data@vl_data=video"], "did you mean data@val_data?"),
         (["model=smal", *DATA], "did you mean small?"),
         (["dta=video"], "did you mean data?"),
-        (["+epochs=3", *DATA], "reads the key epochs: did you mean trainer.max_steps?"),
+        (["+epochs=3", *DATA], "reads the key epochs: a run is counted in steps, not in epochs (--help has the number)"),
+        (["trainer.max_epochs=3", *DATA], "counted in steps, not in epochs (--help has the number): set trainer.max_steps="),
+        (["--max-epochs", "3", *DATA], "there is no option --max-epochs: a run is counted in steps, not in epochs"),
+        (["experiment=quickstart", "data.sources.city.wait=3"], "did you mean data.sources.city.weight? Else write +data"),
         (["lr=1", *DATA], "did you mean optim.optimizer.lr?"),
         (["+optim.optimizer.weight_dcay=1", *DATA], "did you mean optim.optimizer.weight_decay?"),
         (["+trainer.overfit_batch=2", *DATA], "did you mean trainer.overfit_batches?"),
@@ -50,6 +53,12 @@ def test_a_key_of_a_command_itself(command, name, near, plus):
 )  # fmt: skip
 def test_what_was_meant_is_named(command, arguments, told):
     assert told in command("train", *arguments).sentence
+
+
+@pytest.mark.parametrize("key", ["pair_sets.easy.pairs", "pair_sets.easy.inliers.threshold"])
+def test_a_key_below_names_of_ones_own_needs_a_plus(command, key):
+    sentence = command("benchmark", *DATA, f"{key}=40").sentence
+    assert sentence == f"the configuration has no {key}: write +{key}=... to add it"
 
 
 def test_the_most_alike_name():

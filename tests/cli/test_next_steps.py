@@ -1,6 +1,7 @@
 import shlex
 
 import pytest
+import rgbd_files
 from cli_runs import TINY
 from hydra import compose, initialize_config_dir
 
@@ -8,6 +9,8 @@ from sips_lit.cli.app import register_resolvers
 from sips_lit.cli.arguments import as_typed
 from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.next_steps import pasted, told
+from sips_lit.cli.speed import Candidate, fastest_of_ours
+from sips_lit.evaluate.speed import Speed
 
 
 def test_commands_are_quoted_for_the_shell():
@@ -48,6 +51,45 @@ def test_a_training_ends_with_commands_that_run(command, frames, folders):
     assert (config.data.path, config.checkpoint) == (str(moved), str(folders / "a run" / "checkpoints" / "best.ckpt"))
     log = (folders / "a run" / "sips-train.log").read_text()
     assert log == "".join(f"{line}\n" for line in sorted_as(log, result.out + result.err))
+
+
+def following(result) -> list[list[str]]:
+    assert result.code == 0, result.err
+    return [shlex.split(line) for line in result.out.partition("\nnext:\n")[2].splitlines()]
+
+
+def test_an_odometry_ends_with_what_is_measured_next(command, folders):
+    desk = rgbd_files.write_simple(folders / "my desk")
+    short = "iterations=50", "repeats=1"
+    one = command("odometry", "data=rgbd", f"data.path={desk}", *short, "detector=orb", "descriptor=own")
+    (again,) = following(one)
+    assert again == [
+        *("sips-odometry", "data=rgbd", f"data.path={desk}", *short, "detector=orb", "descriptor=own"),
+        *("n=[10,25,50,100,200,500]", "detectors=[sips,sift,orb]"),
+    ]
+    few = [part for part in again[1:] if not part.startswith(("n=", "detectors="))]
+    (cost,) = following(command("odometry", *few, "n=[30,60]", "detectors=[orb]"))
+    assert cost == ["sips-speed", "detectors=[orb]"]
+
+
+def test_a_measurement_of_speed_ends_with_the_points_of_the_fastest(command, checkpoint, frames, folders):
+    moved = folders / "my frames"
+    moved.symlink_to(frames)
+    listed = f"detectors=[orb,{{sips: {{path: {checkpoint}, runtime: torch}}}}]"
+    size = "size=[64,48]", "rounds=2", "n=20", "memory=false", f"output={folders / 'speed'}"
+    (detect,) = following(command("speed", f"input={moved}", listed, *size))
+    assert detect == ["sips-detect", f"checkpoint={checkpoint}", "runtime=torch", "precision=32", f"input={moved}"]
+    found = command("detect", *detect[1:], f"output={folders / 'points'}")
+    assert found.code == 0, found.err
+    assert "next:" not in command("speed", "input=" + str(moved), "detectors=[orb]", *size).out
+
+
+def test_the_fastest_is_the_one_with_the_least_time():
+    made = {"path": "a", "runtime": "torch"}, {"path": "b", "runtime": "torch"}, {"_target_": "orb"}
+    candidates = [Candidate(None, config) for config in made]
+    speeds = [Speed("", "", 0, {"points": [time]}) for time in (3.0, 2.0, 1.0)]
+    assert fastest_of_ours(candidates, speeds) == made[1]
+    assert fastest_of_ours(candidates[2:], speeds[2:]) is None
 
 
 def sorted_as(log: str, printed: str) -> list[str]:
