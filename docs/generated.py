@@ -87,10 +87,11 @@ def configuration_page() -> str:
     ]
     for path in sorted(CONF.glob("*.yaml")):
         parts += [f"### sips-{path.stem} {{ #{path.stem} }}", yaml_block(path)]
-    for group in sorted(path for path in CONF.iterdir() if path.is_dir()):
-        parts.append(f"## {group.name} {{ #group-{group.name} }}")
+    for group in sorted({path.parent for path in CONF.rglob("*.yaml")} - {CONF}):
+        choice = group.relative_to(CONF).as_posix()
+        parts.append(f"## {choice} {{ #group-{group.name} }}")
         for path in sorted(group.glob("*.yaml")):
-            parts += [f"### {group.name}={path.stem} {{ #{group.name}-{path.stem} }}", yaml_block(path)]
+            parts += [f"### {choice}={path.stem} {{ #{group.name}-{path.stem} }}", yaml_block(path)]
     return "\n\n".join(parts)
 
 

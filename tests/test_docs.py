@@ -64,9 +64,10 @@ def my_package(tmp_path_factory):
 
 def first_of_sweep(override: str) -> str:
     (parsed,) = OverridesParser.create().parse_overrides([override])
-    return (
-        f"{parsed.get_key_element()}={next(parsed.sweep_string_iterator())}" if parsed.is_sweep_override() else override
-    )
+    if not parsed.is_sweep_override():
+        return override
+    value = next(parsed.sweep_string_iterator()) if parsed.is_discrete_sweep() else parsed.value().start
+    return f"{parsed.get_key_element()}={value}"
 
 
 @pytest.mark.parametrize(("place", "command", "arguments"), commands())
@@ -75,7 +76,9 @@ def test_commands_are_understood(place, command, arguments, my_package):
         parser().parse_args(arguments)
         return
     register_resolvers()
-    overrides = [a for a in with_keys(command, arguments) if not a.startswith(("-", "hydra/", "hydra.launcher"))]
+    overrides = [
+        a for a in with_keys(command, arguments) if not a.startswith(("-", "hydra/launcher", "hydra.launcher"))
+    ]
     if "-m" in arguments:
         overrides = [first_of_sweep(override) for override in overrides]
     with initialize_config_dir(str(CONF_DIR), version_base="1.3"):

@@ -40,7 +40,7 @@ GROUPS = {
     "evaluate": ["detector", "descriptor", "inliers", "paths"],
     "index": ["paths"],
 }
-OTHERS = {"data", "experiment", "evaluation", "datamodule", "module"}  # which need data, a teacher or a checkpoint
+OTHERS = {"data", "experiment", "evaluation", "datamodule", "module", "hydra"}  # need data, a teacher, a checkpoint
 EXTRAS = {"descriptor/surf": "mahotas", "detector/surf": "mahotas"}
 LEARNED = {"aliked", "dedode", "disk", "keynet", "raco", "superpoint", "xfeat"}
 MIXTURES = {
@@ -208,7 +208,7 @@ def test_the_calibration_of_released_weights_composes(tmp_path):
 def test_every_experiment_composes(name, tmp_path, checkpoint):
     given = [f"data.sources.{part}.sequences.path=x" for part in MIXTURES["robotics"]] if name == "paper" else []
     given += ["root=x"] if name in ("released", "recipe_search") else []
-    given += ["data.path=x"] if name in ("covariance", "distill") else []
+    given += ["data.path=x"] if name in ("covariance", "distill", "own_recipe") else []
     given += [f"teacher={checkpoint}"] if name == "distill" else []
     config = composed("train", f"experiment={name}", f"paths.run={tmp_path}", f"paths.data={tmp_path}", *given)
     OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
@@ -230,7 +230,8 @@ def test_every_target_is_ours_or_of_what_we_depend_on():
         for line in path.read_text().splitlines():
             if "_target_:" in line:
                 target = line.split("_target_:")[1].strip().split("}")[0]
-                assert target.startswith(("sips_lit.", "lightning.", "torch.", "torchmetrics.")), (path, target)
+                ours = ("sips_lit.", "hydra_plugins.sips_lit_", "lightning.", "torch.", "torchmetrics.", "optuna.")
+                assert target.startswith(ours), (path, target)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,83 @@
+"""Hydra's door to a search by Optuna: Hydra takes sweepers from modules in the name space ``hydra_plugins`` only.
+
+Hydra loads this with every command, so what takes time to load is loaded in the functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.plugins import Plugins
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.plugins.launcher import Launcher
+from hydra.plugins.sweeper import Sweeper
+from hydra.types import HydraContext, TaskFunction
+from hydra.utils import instantiate
+from omegaconf import DictConfig, OmegaConf
+
+if TYPE_CHECKING:
+    from sips_lit.cli.optuna_study import Proposal
+
+
+class OptunaSweeper(Sweeper):
+    """Jobs whose values follow from the scores of the jobs before (``conf/hydra/sweeper/optuna.yaml`` has the keys)."""
+
+    def __init__(
+        self, trials: int, at_once: int, seed: int, sampler: DictConfig, params: Mapping[str, str] | None = None
+    ) -> None:
+        self.trials, self.at_once, self.seed, self.sampler, self.params = trials, at_once, seed, sampler, params or {}
+
+    def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
+        """Hydra's, before `sweep`."""
+        self.context, self.hydra_context, self.config = hydra_context, hydra_context, config
+        self.launcher: Launcher = Plugins.instance().instantiate_launcher(
+            hydra_context=hydra_context, task_function=task_function, config=config
+        )
+
+    def sweep(self, arguments: list[str]) -> None:
+        """Runs trials until there are ``trials``, those of earlier commands on this folder among them.
+
+        Raises BadInputError where nothing can be searched, and where no trial has a score.
+        """
+        from sips_lit.cli.optuna_study import OptunaStudy, as_overrides, corners, described, split, values_now
+        from sips_lit.errors import BadInputError
+
+        for key, value in (("trials", self.trials), ("at_once", self.at_once)):
+            if type(value) is not int or value < 1:
+                raise BadInputError(f"hydra.sweeper.{key} is {value}: give a number from 1")
+        assert self.config is not None
+        given = [f"{key}={value}" for key, value in self.params.items()]
+        loader = self.context.config_loader
+        space, fixed = split(OverridesParser.create(config_loader=loader).parse_overrides([*given, *arguments]))
+        self.validate_batch_is_legal([[*fixed, *as_overrides(values)] for values in corners(space)])
+        folder = Path(self.config.hydra.sweep.dir)
+        plain = loader.load_sweep_config(self.config, fixed)
+        first = values_now(space, plain, plain.hydra.runtime.choices)
+        folder.mkdir(parents=True, exist_ok=True)
+        OmegaConf.save(self.config, folder / "multirun.yaml")
+        study = OptunaStudy(folder, space, fixed, first, instantiate(self.sampler, _partial_=True), self.seed)
+        print(described(study), flush=True)
+        proposals = study.unfinished()
+        while proposals or (proposals := study.propose(min(self.at_once, self.trials - study.begun))):
+            for number, job in self._launched(proposals[: self.at_once], fixed):
+                done = job.status == JobStatus.COMPLETED and isinstance(job.return_value, int | float)
+                study.tell(number, float(job.return_value) if done else None)
+            proposals = proposals[self.at_once :]
+        if study.scored == 0:
+            raise BadInputError("no trial of the search has a score: each tells above why")
+
+    def _launched(self, proposals: Sequence[Proposal], fixed: Sequence[str]) -> list[tuple[int, JobReturn]]:
+        """The jobs of some trials: those with consecutive numbers side by side, as far as the launcher does that."""
+        from sips_lit.cli.optuna_study import as_overrides
+
+        ended = []
+        for _, group in groupby(enumerate(proposals), lambda at: at[1].number - at[0]):
+            trials = [proposal for _, proposal in group]
+            batch = [[*fixed, *as_overrides(trial.values)] for trial in trials]
+            jobs: Any = self.launcher.launch(batch, initial_job_idx=trials[0].number)
+            ended += list(zip([trial.number for trial in trials], jobs, strict=True))
+        return ended
