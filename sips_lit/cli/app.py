@@ -80,7 +80,11 @@ def run(
         try:
             hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=config_name)(command)()
         except Exception as error:  # a file that YAML can't parse makes Hydra raise almost anything
-            if begun or isinstance(error, CompactHydraException) or getattr(error, "errno", None) is not None:
+            if (
+                begun
+                or isinstance(error, CompactHydraException | BadInputError)
+                or getattr(error, "errno", None) is not None
+            ):
                 raise
             why = " ".join(str(error).split())
             raise BadInputError(f"a file of the configuration can't be read: {why}") from error
