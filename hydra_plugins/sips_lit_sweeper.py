@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
@@ -63,21 +63,35 @@ class OptunaSweeper(Sweeper):
         print(described(study), flush=True)
         proposals = study.unfinished()
         while proposals or (proposals := study.propose(min(self.at_once, self.trials - study.begun))):
-            for number, job in self._launched(proposals[: self.at_once], fixed):
-                done = job.status == JobStatus.COMPLETED and isinstance(job.return_value, int | float)
-                study.tell(number, float(job.return_value) if done else None)
+            for number, score in self._scores(proposals[: self.at_once], fixed, folder).items():
+                study.tell(number, score)
             proposals = proposals[self.at_once :]
         if study.scored == 0:
             raise BadInputError("no trial of the search has a score: each tells above why")
 
-    def _launched(self, proposals: Sequence[Proposal], fixed: Sequence[str]) -> list[tuple[int, JobReturn]]:
-        """The jobs of some trials: those with consecutive numbers side by side, as far as the launcher does that."""
+    def _scores(self, proposals: Sequence[Proposal], fixed: Sequence[str], folder: Path) -> dict[int, float | None]:
+        """By number of the trial; None where it failed. Those with consecutive numbers go to the launcher together."""
         from sips_lit.cli.optuna_study import as_overrides
+        from sips_lit.cli.sweep_table import read_jobs
+        from sips_lit.errors import warn_input
 
-        ended = []
+        scores: dict[int, float | None] = {}
         for _, group in groupby(enumerate(proposals), lambda at: at[1].number - at[0]):
             trials = [proposal for _, proposal in group]
+            numbers = [trial.number for trial in trials]
             batch = [[*fixed, *as_overrides(trial.values)] for trial in trials]
-            jobs: Any = self.launcher.launch(batch, initial_job_idx=trials[0].number)
-            ended += list(zip([trial.number for trial in trials], jobs, strict=True))
-        return ended
+            try:
+                jobs = self.launcher.launch(batch, initial_job_idx=numbers[0])
+                scores |= dict(zip(numbers, map(_score, jobs), strict=True))
+            except Exception as error:  # what a launcher raises where a job was killed; the others' scores are in files
+                kept = {job.folder.name: job.score for job in read_jobs(folder)}
+                if not any(str(number) in kept for number in numbers):
+                    raise  # no job began: it is the launcher that can't be used as it is set
+                warn_input(f"the launcher lost a job of {', '.join(map(str, numbers))}: {error}")
+                scores |= {number: kept.get(str(number)) for number in numbers}
+        return scores
+
+
+def _score(job: JobReturn) -> float | None:
+    done = job.status == JobStatus.COMPLETED and isinstance(job.return_value, int | float)
+    return float(job.return_value) if done else None

@@ -7,6 +7,7 @@ from functools import partial
 import pytest
 from cli_runs import TINY
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.plugins import Plugins
 from omegaconf import OmegaConf
 
 pytest.importorskip("optuna")
@@ -178,7 +179,11 @@ class Objective:
             raise KeyboardInterrupt
         if config.k == 70:
             raise BadInputError("k is too large")
-        return 1 - abs(config.module.ranking - 50) / 50
+        return value(config.module.ranking)
+
+
+def value(ranking: float) -> float:
+    return 1 - abs(ranking - 50) / 50
 
 
 @pytest.fixture
@@ -223,6 +228,49 @@ def test_a_search_that_was_stopped_is_taken_up_by_the_same_command(search, objec
     assert [job.folder.name for job in read_jobs(folders / "my search")] == list("0123")
     assert search(*given).code == 0
     assert len(objective.calls) == 5, "there was nothing left to do"
+
+
+def launch_by(launch, monkeypatch) -> None:
+    """Launchers launch by a function of what they would do, a batch, and the number of its first job."""
+    make = Plugins.instantiate_launcher
+
+    def instantiate(self, **given):
+        launcher = make(self, **given)
+        launcher.launch = partial(launch, launcher.launch)
+        return launcher
+
+    monkeypatch.setattr(Plugins, "instantiate_launcher", instantiate)
+
+
+def test_a_job_that_is_killed_does_not_stop_a_search(search, objective, folders, monkeypatch):
+    def losing(launch, batch, initial_job_idx):
+        jobs = launch(batch, initial_job_idx=initial_job_idx)
+        if initial_job_idx == 2:
+            (folders / "my search" / "3" / ".hydra" / "result.yaml").unlink()
+            raise RuntimeError("a worker was killed")
+        return jobs
+
+    launch_by(losing, monkeypatch)
+    result = search("module.ranking=interval(0,100)", "hydra.sweeper.trials=5", "hydra.sweeper.at_once=2")
+    assert result.code == 0, result.err
+    assert "the launcher lost a job of 2, 3: a worker was killed" in result.err
+    (study,) = optuna.get_all_study_summaries(f"sqlite:///{folders}/my search/{FILE}")
+    trials = optuna.load_study(
+        study_name=study.study_name, storage=f"sqlite:///{folders}/my search/{FILE}"
+    ).get_trials()
+    assert [trial.state.name for trial in trials] == ["COMPLETE", "COMPLETE", "COMPLETE", "FAIL", "COMPLETE"]
+    assert [trial.value for trial in trials] == [
+        None if at == 3 else value(r) for at, (r, _) in enumerate(objective.calls)
+    ]
+
+
+def test_a_launcher_that_can_not_start_stops_a_search(search, objective, monkeypatch):
+    def unable(launch, batch, initial_job_idx):
+        raise BadInputError("there is no cluster here")
+
+    launch_by(unable, monkeypatch)
+    assert search("k=10,20").sentence == "there is no cluster here"
+    assert objective.calls == []
 
 
 @pytest.mark.parametrize(
