@@ -38,8 +38,9 @@ class DistillModule(ScoreModule):
         emphasis: float = 20.0,
         logit_weight: float = 0.1,
         bound: float = 8.0,
+        compiled: bool = False,
     ) -> None:
-        super().__init__(network, selector, optimizer, scheduler, points)
+        super().__init__(network, selector, optimizer, scheduler, points, compiled)
         if min(emphasis, logit_weight) < 0 or not bound > 0:
             raise BadInputError(
                 "emphasis and logit_weight of the module can't be negative, and bound must be positive: they are "

@@ -38,8 +38,9 @@ class SipsModule(ScoreModule):
         consistency_beta: float = 0.5,
         ranking: float = 30.0,
         gradient: Gradient = "patches",
+        compiled: bool = False,
     ) -> None:
-        super().__init__(network, selector, optimizer, scheduler, points)
+        super().__init__(network, selector, optimizer, scheduler, points, compiled)
         if min(consistency, consistency_beta, ranking) < 0:
             raise BadInputError(
                 "consistency, consistency_beta and ranking of the module can't be negative: they are "

@@ -17,6 +17,7 @@ from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.verification import verify
+from sips_lit.train.compiled import compile_layers
 from sips_lit.train.dataset import unpack
 from sips_lit.train.validation_data import ValidationDataModule
 from sips_lit.types import Features, GreyImage
@@ -26,8 +27,9 @@ class ScoreModule(L.LightningModule):
     """Validates a score network by the points that it selects, optimises and stores it; subclasses say how it learns.
 
     ``optimizer`` makes an optimiser of the parameters; ``scheduler``, if any, a schedule of the optimiser and the
-    number of steps (``T_max``). ``points``: how many are selected in each image. Raises BadInputError for a network with a
-    covariance head where scores are learned, and for one without where covariances are.
+    number of steps (``T_max``). ``points``: how many are selected in each image. ``compiled``: see `compile_layers`.
+    Raises BadInputError for a network with a covariance head where scores are learned, and for one without where
+    covariances are.
     """
 
     learns: ClassVar[Literal["scores", "covariance"]] = "scores"
@@ -40,6 +42,7 @@ class ScoreModule(L.LightningModule):
         optimizer: Callable[..., Optimizer],
         scheduler: Callable[..., LRScheduler] | None = None,
         points: int = 500,
+        compiled: bool = False,
     ) -> None:
         super().__init__()
         if (network.covariance_head is not None) != (self.learns == "covariance"):
@@ -48,6 +51,8 @@ class ScoreModule(L.LightningModule):
                 "model.covariance as the experiment has it"
             )
         self.network, self.selector, self.points = network, selector, points
+        if compiled:
+            compile_layers(network)
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.save_hyperparameters({"network": dict(network.config), "selector": selector.config}, logger=False)
 
