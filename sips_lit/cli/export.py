@@ -51,6 +51,7 @@ def export(config: DictConfig) -> None:
     budget = budget_of(options)
     network, selector = load_checkpoint(options.checkpoint)
     path = output_path(options)
+    outputs: tuple[str, ...] = ()
     require_finite(network, options.checkpoint)
     if options.format == "safetensors":
         make_folder(path.parent)
@@ -58,6 +59,7 @@ def export(config: DictConfig) -> None:
     else:
         require_packages(options.format)
         model = model_of(options, budget)
+        outputs = model.outputs
         make_folder(path.parent)
         written, difference = write_model(model, options.format, path, options.image_type)
         print(f"{NEEDS[options.format].runtime} against the detector: {difference}")
@@ -67,7 +69,7 @@ def export(config: DictConfig) -> None:
                 "the model is for one of them, run it on each level of an image pyramid"
             )
     print("wrote:\n" + "\n".join(f"  {file} ({file.stat().st_size / 1000:,.1f} kB)" for file in written))
-    print(f"\n{usage(options.format, path, options.points, options.image_type)}")
+    print(f"\n{usage(options.format, path, outputs, options.image_type)}")
 
 
 def refuse_contradictions(options: ExportOptions) -> None:

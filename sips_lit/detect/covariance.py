@@ -25,11 +25,11 @@ LARGEST_CORRELATION: Final = 0.99
 
 
 def covariance_matrices(numbers: Tensor) -> Tensor:
-    """Covariances (N, 2, 2) in pixels squared of (N, 3) numbers: log sigma_x, log sigma_y, atanh of the correlation."""
-    sigma = numbers[:, :2].clamp(-LARGEST_LOG_SIGMA, LARGEST_LOG_SIGMA).exp()
-    mixed = LARGEST_CORRELATION * numbers[:, 2].tanh() * sigma[:, 0] * sigma[:, 1]
-    rows = torch.stack([sigma[:, 0] ** 2, mixed], 1), torch.stack([mixed, sigma[:, 1] ** 2], 1)
-    return torch.stack(rows, 1)
+    """Covariances (..., 2, 2) in pixels squared of (..., 3) numbers: log sigma_x, log sigma_y, atanh of the correlation."""
+    sigma = numbers[..., :2].clamp(-LARGEST_LOG_SIGMA, LARGEST_LOG_SIGMA).exp()
+    mixed = LARGEST_CORRELATION * numbers[..., 2].tanh() * sigma[..., 0] * sigma[..., 1]
+    rows = torch.stack([sigma[..., 0] ** 2, mixed], -1), torch.stack([mixed, sigma[..., 1] ** 2], -1)
+    return torch.stack(rows, -2)
 
 
 def covariances_at(network: ScoreNetwork, image: Tensor, points: SelectedPoints) -> Tensor:

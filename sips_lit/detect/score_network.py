@@ -191,6 +191,22 @@ class ScoreNetwork(nn.Module):
             hidden = self._hidden(self._windows(image, rows, columns))
         return self._last(self.covariance_head, hidden).flatten(1)
 
+    def logits_and_covariance_numbers(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        """Logits (B, 1, H, W) of images (B, 1, H, W) as a call gives them, and outputs (B, 3, H, W) of the covariance head.
+
+        Raises ValueError for a network without that head.
+        """
+        if self.covariance_head is None:
+            raise ValueError("the score network has no covariance head")
+        hidden: list[Tensor] = []
+
+        def octave(level: Tensor) -> Tensor:
+            hidden.append(self._hidden(self.pad(level)))
+            return self._last(self.layers[-1], hidden[-1])
+
+        logits = mean_over_octaves(octave, image, self.octaves)
+        return logits, self._last(self.covariance_head, hidden[0])
+
     def _windows(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
         """The padded, scaled receptive fields (N, 1, 2 radius + 1, 2 radius + 1) of N pixels."""
         size = 2 * self.radius + 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -27,6 +27,8 @@ SHAPES: Final = ((1, 1, 240, 320), (2, 1, 97, 131), (1, 1, 5, 3), (1, 1, 1, 1))
 """(B, 1, H, W) that both are compared on: usual, odd in a batch, and smaller than the receptive field."""
 TOLERANCE: Final = 1e-4
 """Greatest difference of probabilities that is let through."""
+COVARIANCE: Final = 1e-3
+"""Greatest relative difference of covariances that is let through."""
 PIXELS: Final = 0.01
 """How far a point may be from the detector's to be the same."""
 SHARE: Final = 0.01
@@ -67,27 +69,35 @@ def run_program(content: bytes) -> Run:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """From model to detector: of ``points``, ``moved`` ones are not the same; ``score``: the most in probability."""
+    """From model to detector: of ``points``, ``moved`` ones are not the same; ``score``: the most in probability.
+
+    ``covariance``: the most in covariance, relative to the determinant's root; 0 for models without.
+    """
 
     score: float
     points: int = 0
     moved: int = 0
+    covariance: float = 0.0
 
     @property
     def is_small(self) -> bool:
         """Whether the model may be written."""
-        return self.score <= TOLERANCE and self.moved <= SHARE * self.points
+        small = self.score <= TOLERANCE and self.covariance <= COVARIANCE
+        return small and self.moved <= SHARE * self.points
 
     def __str__(self) -> str:
         probabilities = f"probabilities differ by at most {self.score:.1e}"
         if not self.points:
             return probabilities
-        return f"{self.points - self.moved} of {self.points} points are the same within {PIXELS:g} px, {probabilities}"
+        points = (
+            f"{self.points - self.moved} of {self.points} points are the same within {PIXELS:g} px, {probabilities}"
+        )
+        return f"{points}, covariances by {self.covariance:.1e}" if self.covariance else points
 
 
 def difference_of(model: Exportable, run: Run, image_type: str = "float32") -> Difference:
     """Compares on images of `SHAPES`, as ``image_type``."""
-    scores, points, moved = [], 0, 0
+    scores, points, moved, covariance = [], 0, 0, 0.0
     for images in _images():
         outputs = run(images.astype(image_type))
         for index, image in enumerate(images[:, 0]):
@@ -96,10 +106,11 @@ def difference_of(model: Exportable, run: Run, image_type: str = "float32") -> D
                 expected = score_map(model.network, image, model.selector.recalibration)
                 scores.append(float(np.abs(mine[0][0] - expected).max()))
             else:
-                one = difference_of_points(mine, expected_points(model, image))
+                one = difference_of_points(dict(zip(model.outputs, mine, strict=True)), expected_points(model, image))
                 scores.append(one.score)
                 points, moved = points + one.points, moved + one.moved
-    return Difference(float(np.max(scores)), points, moved)  # NaN if one is
+                covariance = float(np.maximum(covariance, one.covariance))
+    return Difference(float(np.max(scores)), points, moved, covariance)  # NaN if one is
 
 
 def expected_points(model: TopPoints, image: GreyImage) -> Keypoints:
@@ -107,15 +118,21 @@ def expected_points(model: TopPoints, image: GreyImage) -> Keypoints:
     return SipsDetector(model.network, model.selector).within(image, model.budget)[0]
 
 
-def difference_of_points(outputs: list[NDArray[Any]], expected: Keypoints) -> Difference:
-    """Of the outputs of a model for one image: keypoints (N, 2), scores (N,), the number of points."""
-    count = int(outputs[2])
-    xy, score = outputs[0][:count], outputs[1][:count]
-    apart = np.abs(xy[:, None] - expected.xy).max(-1) > PIXELS  # (mine, expected)
-    moved = max(int(apart.all(axis).sum()) for axis in (0, 1))
+def difference_of_points(outputs: Mapping[str, NDArray[Any]], expected: Keypoints) -> Difference:
+    """Of the outputs of a model for one image by their names: keypoints (N, 2), scores (N,), count, and covariance."""
+    count = int(outputs["count"])
+    xy, score = outputs["keypoints"][:count], outputs["scores"][:count]
+    same = np.abs(xy[:, None] - expected.xy).max(-1) <= PIXELS  # (mine, expected)
+    moved = max(int((~same).all(axis).sum()) for axis in (0, 1))
     both = min(len(score), len(expected))
     worst = np.abs(score[:both] - expected.score[:both]).max(initial=0)
-    return Difference(float(worst), max(len(score), len(expected)), moved)
+    covariance = 0.0
+    if expected.covariance is not None:
+        mine, theirs = np.nonzero(same)
+        wanted = expected.covariance[theirs]
+        apart = np.abs(outputs["covariance"][mine] - wanted).max((1, 2)) / np.sqrt(np.linalg.det(wanted))
+        covariance = float(apart.max(initial=0))
+    return Difference(float(worst), max(len(score), len(expected)), moved, covariance)
 
 
 def _images() -> Iterator[NDArray[np.uint8]]:

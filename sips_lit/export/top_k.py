@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from sips_lit.detect.budget import Budget
+from sips_lit.detect.covariance import covariance_matrices
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
@@ -30,7 +31,8 @@ class TopPoints(nn.Module):
         "Succinct interest points: input `image` (B, 1, H, W), grey, 0 to 255; outputs `keypoints` (B, N, 2) float32, "
         "(x, y) with (0, 0) at the centre of the top-left pixel, `scores` (B, N) float32, the probabilities of being "
         "inliers, best first, and `count` (B,) int64, how many of the N rows are points: the others have (-1, -1) and 0. "
-        "`enough` (B,), where there is one, says whether they hold k inliers as surely as the budget asks. Metadata "
+        "`enough` (B,), where there is one, says whether they hold k inliers as surely as the budget asks; `covariance` "
+        "(B, N, 2, 2), where there is one, how surely a point is where it is, in pixels squared. Metadata "
         "`sips_lit`: network, selector, recalibration; `sips_lit_budget`: how many points are kept."
     )
 
@@ -50,12 +52,18 @@ class TopPoints(nn.Module):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names, in the order of what a call returns."""
-        names = ("keypoints", "scores", "count")
-        return names if self.budget.k is None else (*names, "enough")
+        enough = () if self.budget.k is None else ("enough",)
+        covariance = () if self.network.covariance_head is None else ("covariance",)
+        return ("keypoints", "scores", "count", *enough, *covariance)
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         """Points of images (B, 1, H, W) of any number type."""
-        logits = self.network(image.float())[:, 0]
+        numbers = None
+        if self.network.covariance_head is None:
+            logits = self.network(image.float())[:, 0]
+        else:
+            logits, numbers = self.network.logits_and_covariance_numbers(image.float())
+            logits = logits[:, 0]
         pixels = peak_pixels(logits, self.selector.nms_radius)
         best, rows, columns = best_pixels(logits, pixels, self.budget.candidates)
         xy = torch.stack([columns, rows], -1).to(logits.dtype)
@@ -66,5 +74,11 @@ class TopPoints(nn.Module):
         count, enough = points_to_keep(best, found, self.budget, recalibration)
         kept = torch.arange(best.shape[1], device=best.device) < count[:, None]
         score = torch.sigmoid(recalibrated(best, recalibration, count[:, None]))
-        points = torch.where(kept[..., None], xy, -1.0), torch.where(kept, score, 0.0), count
-        return points if enough is None else (*points, enough)
+        outputs = [torch.where(kept[..., None], xy, -1.0), torch.where(kept, score, 0.0), count]
+        if enough is not None:
+            outputs.append(enough)
+        if numbers is not None:
+            pixels = (rows * logits.shape[-1] + columns)[:, None].expand(-1, numbers.shape[1], -1)
+            covariance = covariance_matrices(numbers.flatten(2).gather(2, pixels).transpose(1, 2))
+            outputs.append(torch.where(kept[..., None, None], covariance, 0.0))
+        return tuple(outputs)

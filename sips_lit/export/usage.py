@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 SAFETENSORS = """\
@@ -32,11 +33,15 @@ MAP = "probability = outputs[0][0, 0]"
 POINTS = """\
 count = int(outputs[2][0])
 xy, probability = outputs[0][0, :count], outputs[1][0, :count]"""
+COVARIANCE = "covariance = outputs[{at}][0, :count]"
 
 
-def usage(kind: str, path: Path, points: bool, image_type: str) -> str:
-    """Lines that read ``image.png`` and give its points or its map."""
+def usage(kind: str, path: Path, outputs: Sequence[str], image_type: str) -> str:
+    """Lines that read ``image.png`` and give its points or its map: what a model with these ``outputs`` gives."""
     if kind == "safetensors":
         return SAFETENSORS.format(path=str(path))
-    lines = [IMAGE.format(image_type=image_type), RUNS[kind].format(path=str(path)), POINTS if points else MAP]
+    lines = [IMAGE.format(image_type=image_type), RUNS[kind].format(path=str(path))]
+    lines.append(POINTS if "count" in outputs else MAP)
+    if "covariance" in outputs:
+        lines.append(COVARIANCE.format(at=outputs.index("covariance")))
     return "\n".join(lines)

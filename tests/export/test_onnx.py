@@ -48,6 +48,15 @@ def test_points_are_those_of_the_detector(name, size):
     assert [bool(output[0]) for output in outputs[3:]] == [enough]
 
 
+def test_covariances_are_those_of_the_detector():
+    model, image = model_of("covariance"), textured((97, 131))
+    outputs = exported("covariance", "onnx")[1](image[None, None].astype(np.float32))
+    points = SipsDetector(model.network, model.selector).within(image, model.budget)[0]
+    assert len(model.outputs) == len(outputs) == 4
+    np.testing.assert_allclose(outputs[3][0, : len(points)], points.covariance, rtol=1e-3)
+    assert np.ptp(points.covariance[:, 0, 0]) > 0.01
+
+
 @pytest.mark.parametrize("name", ["map", "enough"])
 def test_a_batch_is_its_images(name):
     run = exported(name, "onnx")[1]

@@ -13,14 +13,14 @@ def run_of(model):
     return lambda image: [output.numpy() for output in model(torch.from_numpy(image))]
 
 
-@pytest.mark.parametrize("name", ["map", "best", "enough"])
+@pytest.mark.parametrize("name", ["map", "best", "enough", "covariance"])
 def test_a_model_is_like_itself_and_unlike_another(name):
     model = model_of(name)
     same = difference_of(model, run_of(model))
     assert same.is_small
     assert (same.points > 10) == (name != "map")
     other = model_of(name)
-    other.network.load_state_dict(tiny_network(1, derivatives=True).state_dict())
+    other.network.load_state_dict(tiny_network(1, derivatives=True).state_dict(), strict=False)
     assert not difference_of(model, run_of(other)).is_small
 
 
@@ -35,7 +35,8 @@ def test_points_that_moved_are_counted():
     expected = Keypoints(xy, np.array([0.9, 0.5, 0.2], np.float32), np.ones(3, np.float32))
 
     def given(xy, score, count):
-        return difference_of_points([np.float32(xy), np.float32(score), np.int64(count)], expected)
+        outputs = {"keypoints": np.float32(xy), "scores": np.float32(score), "count": np.int64(count)}
+        return difference_of_points(outputs, expected)
 
     padded = np.vstack([xy, [[-1, -1]]])
     assert given(padded, [0.9, 0.5, 0.2, 0], 3) == Difference(0, 3, 0)
@@ -46,3 +47,13 @@ def test_points_that_moved_are_counted():
     assert not Difference(0, 200, 3).is_small
     assert Difference(0, 200, 2).is_small
     assert str(Difference(2e-7, 200, 2)).startswith("198 of 200 points are the same")
+
+
+def test_other_covariances_are_a_difference():
+    model, other = model_of("covariance"), model_of("covariance")
+    with torch.no_grad():
+        other.network.covariance_head.bias[2] += 0.01  # the correlation alone
+    difference = difference_of(model, run_of(other))
+    assert (difference.moved, difference.is_small) == (0, False)
+    assert difference.covariance > 1e-3
+    assert "covariances by " in str(difference)

@@ -19,7 +19,8 @@ def expected_of(model: TopPoints, image: np.ndarray):
 @pytest.mark.parametrize("size", SIZES)
 def test_points_are_those_of_the_detector(name, size):
     model, image = model_of(name), textured(size)
-    xy, score, count, *enough = (output[0].numpy() for output in model(torch.from_numpy(image)[None, None]))
+    outputs = dict(zip(model.outputs, model(torch.from_numpy(image)[None, None]), strict=True))
+    xy, score, count = (outputs.pop(name)[0].numpy() for name in ("keypoints", "scores", "count"))
     points, reached = expected_of(model, image)
     rows = BUDGETS[name].candidates
     assert (xy.shape, score.shape, int(count)) == ((rows, 2), (rows,), len(points))
@@ -27,7 +28,13 @@ def test_points_are_those_of_the_detector(name, size):
     np.testing.assert_allclose(score[: len(points)], points.score, atol=1e-6)
     assert set(xy[len(points) :].ravel()) <= {-1}
     assert not score[len(points) :].any()
-    assert [bool(value) for value in enough] == ([] if name == "best" else [reached])
+    assert list(outputs) == {"best": [], "enough": ["enough"], "covariance": ["covariance"]}[name]
+    if name == "enough":
+        assert bool(outputs["enough"]) == reached
+    if name == "covariance":
+        covariance = outputs["covariance"][0].numpy()
+        np.testing.assert_allclose(covariance[: len(points)], points.covariance, rtol=1e-4, atol=1e-5)
+        assert not covariance[len(points) :].any()
 
 
 def test_a_batch_is_its_images():

@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import torch
 from tiny_network import tiny_network
 from torch.export import ExportedProgram
 
@@ -23,13 +24,19 @@ from sips_lit.export.top_k import TopPoints
 from sips_lit.export.write import NEEDS
 
 RECALIBRATED = PointSelector(4, recalibration=Recalibration(3.0, 4.6, 0.3, 1.1))
-BUDGETS = {"best": Budget(60), "enough": Budget(k=4, threshold=0.35, confidence=0.7, n_max=15)}
+BUDGETS = {
+    "best": Budget(60),
+    "covariance": Budget(60),
+    "enough": Budget(k=4, threshold=0.35, confidence=0.7, n_max=15),
+}
 SIZES = [(120, 160), (97, 131), (1, 40), (5, 3), (2, 2), (1, 1)]
 """Usual, odd, a line, smaller than the receptive field, and a single pixel."""
 
 
 def model_of(name: str) -> DenseMap | TopPoints:
-    network = tiny_network(derivatives=True, octaves=2)
+    network = tiny_network(derivatives=True, octaves=2, covariance=name == "covariance")
+    if network.covariance_head is not None:
+        torch.nn.init.normal_(network.covariance_head.weight, generator=torch.Generator().manual_seed(0))
     return DenseMap(network, RECALIBRATED) if name == "map" else TopPoints(network, RECALIBRATED, BUDGETS[name])
 
 
