@@ -15,7 +15,7 @@ from sips_lit.detect.checkpoint import export_safetensors, load_checkpoint, requ
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.errors import BadInputError
 from sips_lit.export.dense_map import DenseMap
-from sips_lit.export.program import IMAGE_TYPES, Exportable
+from sips_lit.export.program import IMAGE_TYPES, Exportable, Size
 from sips_lit.export.top_k import TopPoints
 from sips_lit.export.usage import usage
 from sips_lit.export.write import NEEDS, SUFFIXES, require_packages, write_model
@@ -34,6 +34,7 @@ class ExportOptions:
     output: str | None
     points: bool
     image_type: str
+    size: list[int] | None
     n: int | None
     threshold: float | None
     k: int | None
@@ -61,7 +62,7 @@ def export(config: DictConfig) -> None:
         model = model_of(options, budget)
         outputs = model.outputs
         make_folder(path.parent)
-        written, difference = write_model(model, options.format, path, options.image_type)
+        written, difference = write_model(model, options.format, path, options.image_type, size_of(options))
         print(f"{NEEDS[options.format].runtime} against the detector: {difference}")
         if isinstance(model, DenseMap) and network.scales > 1:
             print(
@@ -80,6 +81,12 @@ def refuse_contradictions(options: ExportOptions) -> None:
         raise BadInputError(f"image_type is {options.image_type}: give {' or '.join(IMAGE_TYPES)}")
     if options.points and options.format == "safetensors":
         raise BadInputError(f"points=true needs a program, not weights alone: give format={' or '.join(SUFFIXES)}")
+    if options.size is not None and (len(options.size) != 2 or min(options.size) < 1):
+        raise BadInputError(
+            f"size is {list(options.size)}: give height and width of the images, such as size=[480,640]"
+        )
+    if options.size is not None and options.format == "safetensors":
+        raise BadInputError(f"size={list(options.size)} needs a program, not weights alone: give format=onnx, say")
     given = [name for name in OF_POINTS if getattr(options, name) is not None]
     if given and not options.points:
         raise BadInputError(f"{', '.join(given)}: how points are chosen is a part of the model with points=true only")
@@ -87,6 +94,11 @@ def refuse_contradictions(options: ExportOptions) -> None:
         raise BadInputError(
             f"n is {options.n} and k is {options.k}: give n for a fixed number of points, or k for enough"
         )
+
+
+def size_of(options: ExportOptions) -> Size | None:
+    """The only (H, W) that the model takes; None: any."""
+    return None if options.size is None else (options.size[0], options.size[1])
 
 
 def budget_of(options: ExportOptions) -> Budget:

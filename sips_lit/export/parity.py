@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,7 +16,7 @@ from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.openvino_package import openvino_core
 from sips_lit.detect.selection import score_map
 from sips_lit.export.dense_map import DenseMap
-from sips_lit.export.program import Exportable
+from sips_lit.export.program import Exportable, Size
 from sips_lit.export.top_k import TopPoints
 from sips_lit.types import GreyImage, Keypoints
 
@@ -95,10 +95,10 @@ class Difference:
         return f"{points}, covariances by {self.covariance:.1e}" if self.covariance else points
 
 
-def difference_of(model: Exportable, run: Run, image_type: str = "float32") -> Difference:
-    """Compares on images of `SHAPES`, as ``image_type``."""
+def difference_of(model: Exportable, run: Run, image_type: str = "float32", size: Size | None = None) -> Difference:
+    """Compares on images of `SHAPES`, as ``image_type``; on one of ``size`` for models that take no other."""
     scores, points, moved, covariance = [], 0, 0, 0.0
-    for images in _images():
+    for images in _images(SHAPES if size is None else ((1, 1, *size),)):
         outputs = run(images.astype(image_type))
         for index, image in enumerate(images[:, 0]):
             mine = [output[index] for output in outputs]
@@ -135,10 +135,10 @@ def difference_of_points(outputs: Mapping[str, NDArray[Any]], expected: Keypoint
     return Difference(float(worst), max(len(score), len(expected)), moved, covariance)
 
 
-def _images() -> Iterator[NDArray[np.uint8]]:
+def _images(shapes: Sequence[tuple[int, int, int, int]]) -> Iterator[NDArray[np.uint8]]:
     """Coarse and fine noise, (B, 1, H, W)."""
     generator = np.random.default_rng(0)
-    for batch, _, height, width in SHAPES:
+    for batch, _, height, width in shapes:
         coarse = generator.uniform(0, 200, (batch, height // 5 + 2, width // 5 + 2)).astype(np.float32)
         smooth = np.stack([cv2.resize(one, (width, height), interpolation=cv2.INTER_CUBIC) for one in coarse])
         fine = generator.uniform(0, 40, smooth.shape)

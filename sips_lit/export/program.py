@@ -16,22 +16,27 @@ from sips_lit.export.dense_map import DenseMap
 from sips_lit.export.top_k import TopPoints
 
 Exportable = DenseMap | TopPoints
+Size = tuple[int, int]
+"""(H, W)."""
 
 IMAGE_TYPES: Final = {"float32": torch.float32, "uint8": torch.uint8}
 """Of the values of an image, 0 to 255."""
 
 
-def program_of(model: Exportable, image_type: str = "float32") -> ExportedProgram:
-    """The operations of a model on an ``image`` (B, 1, H, W) whose B, H and W are free."""
-    side = 4 * model.network.radius
-    example = torch.zeros(
-        2, 1, side, side + 2, dtype=IMAGE_TYPES[image_type]
-    )  # a size of 1 would be taken for a constant
+def program_of(model: Exportable, image_type: str = "float32", size: Size | None = None) -> ExportedProgram:
+    """The operations of a model on an ``image`` (B, 1, H, W) whose B, H and W are free, or (1, 1, H, W) of one ``size``."""
+    if size is None:
+        side = 4 * model.network.radius
+        shape = 2, 1, side, side + 2  # a size of 1 would be taken for a constant
+        free: dict[int, Dim] | None = {0: Dim("batch"), 2: Dim("height"), 3: Dim("width")}
+    else:
+        shape, free = (1, 1, *size), None
+    example = torch.zeros(shape, dtype=IMAGE_TYPES[image_type])
     with torch.no_grad():
         program = torch.export.export(
             model,
             (example,),
-            dynamic_shapes=({0: Dim("batch"), 2: Dim("height"), 3: Dim("width")},),
+            dynamic_shapes=(free,),
             prefer_deferred_runtime_asserts_over_guards=True,  # that an octave is half the one before is no guess
         )
     for module in program.graph_module.modules():

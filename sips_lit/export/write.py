@@ -11,7 +11,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.export.onnx import onnx_bytes
 from sips_lit.export.openvino import openvino_bytes
 from sips_lit.export.parity import Difference, Run, difference_of, run_onnx, run_openvino, run_program
-from sips_lit.export.program import Exportable, program_bytes, program_of
+from sips_lit.export.program import Exportable, Size, program_bytes, program_of
 from sips_lit.files import write_together
 
 
@@ -40,17 +40,20 @@ def require_packages(kind: str) -> None:
         )
 
 
-def write_model(model: Exportable, kind: str, path: Path, image_type: str = "float32") -> tuple[list[Path], Difference]:
+def write_model(
+    model: Exportable, kind: str, path: Path, image_type: str = "float32", size: Size | None = None
+) -> tuple[list[Path], Difference]:
     """Writes a model, and returns its files and how far its runtime is from the detector.
 
-    ``kind``: one of `SUFFIXES`; of openvino ``path`` names the .xml, beside which goes the .bin.
+    ``kind``: one of `SUFFIXES`; of openvino ``path`` names the .xml, beside which goes the .bin; ``image_type`` and
+    ``size``: see `program_of`.
 
     Raises BadInputError when a package is missing or a file can't be written, RuntimeError, with nothing written, when the
     model gives something else than the detector.
     """
     require_packages(kind)
-    files, run = built(model, kind, image_type)
-    difference = difference_of(model, run, image_type)
+    files, run = built(model, kind, image_type, size)
+    difference = difference_of(model, run, image_type, size)
     if not difference.is_small:
         raise RuntimeError(
             f"{NEEDS[kind].runtime} gives something else than the detector ({difference}); nothing was written"
@@ -60,9 +63,11 @@ def write_model(model: Exportable, kind: str, path: Path, image_type: str = "flo
     return list(paths), difference
 
 
-def built(model: Exportable, kind: str, image_type: str = "float32") -> tuple[dict[str, bytes], Run]:
+def built(
+    model: Exportable, kind: str, image_type: str = "float32", size: Size | None = None
+) -> tuple[dict[str, bytes], Run]:
     """The contents of a model's files by suffix, and what runs them."""
-    program = program_of(model, image_type)
+    program = program_of(model, image_type, size)
     if kind == "torch_export":
         content = program_bytes(program, model)
         return {".pt2": content}, run_program(content)

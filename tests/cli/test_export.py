@@ -91,11 +91,11 @@ def test_onnx(command, checkpoint, tmp_path, frames, monkeypatch):
 
 @pytest.fixture
 def made(monkeypatch) -> list[tuple[object, ...]]:
-    """What would be written: models, formats, paths, types of the values."""
+    """What would be written: models, formats, paths, types of the values, sizes of the images."""
     calls: list[tuple[object, ...]] = []
 
-    def write(model: object, kind: str, path: Path, image_type: str) -> tuple[list[Path], Difference]:
-        calls.append((model, kind, path, image_type))
+    def write(model: object, kind: str, path: Path, *image: object) -> tuple[list[Path], Difference]:
+        calls.append((model, kind, path, *image))
         path.write_bytes(b"model")
         return [path], Difference(2e-7, 100, 1)
 
@@ -108,8 +108,8 @@ def test_a_model_of_points(command, mine, made):
     arguments = ["format=openvino", "points=true", "k=7", "confidence=0.8", "n_max=90", "threshold=0.1", "nms_radius=3"]
     result = command("export", f"checkpoint={mine}", *arguments, "subpixel=false", "image_type=uint8")
     assert result.code == 0, result.err
-    ((model, kind, path, image_type),) = made
-    assert (kind, path, image_type) == ("openvino", mine.with_name("best-points.xml"), "uint8")
+    ((model, kind, path, image_type, size),) = made
+    assert (kind, path, image_type, size) == ("openvino", mine.with_name("best-points.xml"), "uint8", None)
     assert model.budget == Budget(50, 0.1, 7, 0.8, 90)
     assert (model.selector.nms_radius, model.selector.subpixel) == (3, False)
     assert "OpenVINO against the detector: 99 of 100 points are the same" in result.out
@@ -120,10 +120,15 @@ def test_a_model_of_points(command, mine, made):
 def test_fifty_points_unless_told(command, mine, made):
     assert command("export", f"checkpoint={mine}", "format=onnx", "points=true").code == 0
     assert command("export", f"checkpoint={mine}", "format=torch_export", "points=true", "n=7").code == 0
-    assert [(model.budget.n, path.name) for model, _, path, _ in made] == [
+    assert [(model.budget.n, path.name) for model, _, path, *_ in made] == [
         (50, "best-points.onnx"),
         (7, "best-points.pt2"),
     ]
+
+
+def test_a_model_for_one_size(command, mine, made):
+    assert command("export", f"checkpoint={mine}", "format=onnx", "size=[48,64]").code == 0
+    assert made[0][4] == (48, 64)
 
 
 def test_points_of_one_of_several_scales(command, made, tmp_path):
@@ -148,6 +153,9 @@ def test_points_of_one_of_several_scales(command, made, tmp_path):
         (["format=onnx", "points=true", "n=0"], "n is 0: an exported model needs at least one point"),
         (["format=onnx", "points=true", "nms_radius=-1"], "nms_radius is -1"),
         (["format=onnx", "image_type=float16"], "image_type is float16: give float32 or uint8"),
+        (["format=onnx", "size=[640]"], "size is [640]: give height and width of the images"),
+        (["format=onnx", "size=[0,640]"], "size is [0, 640]: give height and width"),
+        (["size=[480,640]"], "size=[480, 640] needs a program, not weights alone: give format=onnx"),
         (["format=torch_export", "output=a.pt"], "name a file that ends in .pt2"),
         (["format="], "format is : give"),
         (["output=weights.pt"], "output is weights.pt: name a file that ends in .safetensors"),

@@ -5,12 +5,13 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from exported_models import BUDGETS, RECALIBRATED, SIZES, exported, model_of, textured
+from exported_models import BUDGETS, RECALIBRATED, SIZES, exported, model_of, of_one_size, textured
 
 from sips_lit.detect.checkpoint import METADATA_KEY, config_json
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.peaks import local_maxima
 from sips_lit.detect.selection import score_map
+from sips_lit.export.parity import difference_of
 
 onnx = pytest.importorskip("onnx", reason="needs the extra export")
 pytest.importorskip("onnxruntime", reason="needs the extra export")
@@ -66,6 +67,17 @@ def test_a_batch_is_its_images(name):
         for many, one in zip(together, run(images[index : index + 1]), strict=True):
             np.testing.assert_allclose(many[index : index + 1], one, atol=1e-4)
     assert np.abs(together[0][0] - together[0][1]).max() > 1e-3
+
+
+def test_a_model_for_one_size_gives_the_same_and_takes_no_other():
+    """Without an operation that asks for the size, which old readers lack."""
+    files, run = of_one_size("map", (97, 131))
+    image = textured((97, 131))[None, None].astype(np.float32)
+    np.testing.assert_allclose(run(image)[0], exported("map", "onnx")[1](image)[0], atol=1e-6)
+    assert difference_of(model_of("map"), run, size=(97, 131)).is_small
+    assert "Shape" not in {node.op_type for node in onnx.load_from_string(files[".onnx"]).graph.node}
+    with pytest.raises(Exception, match=r"(?i)dimension"):
+        run(image[..., :-1])
 
 
 def test_more_points_than_there_are():

@@ -21,7 +21,7 @@ from sips_lit.export.openvino import openvino_bytes
 from sips_lit.export.parity import Run, run_onnx, run_openvino, run_program
 from sips_lit.export.program import program_bytes, program_of
 from sips_lit.export.top_k import TopPoints
-from sips_lit.export.write import NEEDS
+from sips_lit.export.write import NEEDS, built
 
 RECALIBRATED = PointSelector(4, recalibration=Recalibration(3.0, 4.6, 0.3, 1.1))
 BUDGETS = {
@@ -62,6 +62,13 @@ def exported(name: str, kind: str, image_type: str = "float32") -> tuple[dict[st
         return {".onnx": onnx_of(name, image_type)}, run_onnx(onnx_of(name, image_type))
     xml, weights = openvino_bytes(onnx_of(name, image_type))
     return {".xml": xml, ".bin": weights}, run_openvino(xml, weights)
+
+
+@functools.cache
+def of_one_size(name: str, size: tuple[int, int]) -> tuple[dict[str, bytes], Run]:
+    """The same as ONNX for images of one size."""
+    pytest.importorskip("onnxscript", reason="needs the extra export")
+    return built(model_of(name), "onnx", size=size)
 
 
 def textured(size: tuple[int, int], seed: int = 3) -> np.ndarray[Any, np.dtype[np.uint8]]:
