@@ -27,7 +27,7 @@ import yaml
 
 ROOT = Path(__file__).parents[1]
 TABLES = Path(__file__).parent / "mutants"
-COPIED = ("sips_lit", "conf", "tests", "benchmarks", "pyproject.toml")
+COPIED = ("sips_lit", "hydra_plugins", "conf", "tests", "benchmarks", "pyproject.toml")
 TIMEOUT = 300  # seconds for the tests of a mutant: longer is an endless loop
 PASSED, FAILED = 0, 1  # pytest's exit codes; others mean that no test ran to its end
 FORKS = multiprocessing.get_context("forkserver")  # with libraries loaded: most of the time of a short test is theirs

@@ -6,6 +6,7 @@ from functools import partial
 
 import pytest
 from cli_runs import TINY
+from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.plugins import Plugins
 from omegaconf import OmegaConf
@@ -15,7 +16,8 @@ pytest.importorskip("optuna")
 import optuna
 
 import sips_lit.cli.train
-from sips_lit.cli.app import run
+from sips_lit.cli.app import register_resolvers, run
+from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.optuna_study import FILE, OptunaStudy, as_overrides, corners, split, values_now
 from sips_lit.cli.sweep_table import read_jobs
 from sips_lit.errors import BadInputError
@@ -297,6 +299,19 @@ def test_without_optuna_the_extra_is_named(search, objective, monkeypatch):
     monkeypatch.delitem(sys.modules, "sips_lit.cli.optuna_study")
     monkeypatch.setitem(sys.modules, "optuna", None)
     assert search("k=10,20").sentence == "hydra/sweeper=optuna needs Optuna: pip install 'sips_lit[sweep]'"
+
+
+def test_the_search_of_ones_own_recipe_begins_with_the_default():
+    register_resolvers()
+    with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
+        config = compose("train", ["experiment=own_recipe", "data.path=x"], return_hydra_config=True)
+        compose("train", ["experiment=own_recipe", "hydra/sweeper=basic", "data.path=x"])  # to compare what it found
+        plain = compose("train", ["data.path=x"])
+    space, fixed = parsed(*(f"{key}={value}" for key, value in config.hydra.sweeper.params.items()))
+    assert fixed == []
+    first = values_now(space, config, {})
+    assert first.pop("optim.optimizer.weight_decay") == "0.0", "Adam's own default"
+    assert {key: float(value) for key, value in first.items()} == {key: OmegaConf.select(plain, key) for key in first}
 
 
 @pytest.mark.slow
