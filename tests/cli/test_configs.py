@@ -257,7 +257,7 @@ def test_a_wheel_holds_the_configurations_and_works_from_any_folder(tmp_path):
         archive.extractall(tmp_path / "installed")
     for path in CONF_DIR.rglob("*.yaml"):
         assert f"sips_lit/conf/{path.relative_to(CONF_DIR)}" in held
-    assert "sips_lit/py.typed" in held
+    assert {"sips_lit/py.typed", "hydra_plugins/sips_lit_sweeper.py"} <= held
     assert not any(name.startswith(("tests/", "conf/", "data/", "outputs/")) for name in held)
     show = [sys.executable, "-m", "sips_lit.cli.index", "--cfg", "job", "data=folder", "data.path=x"]
     environment = {"PATH": "/usr/bin:/bin", "PYTHONPATH": str(tmp_path / "installed")}
