@@ -104,7 +104,6 @@ def link_videos(root: Path, clips: list[Path], count: int) -> None:
 
 def measure(root: Path, count: int) -> Measured:
     """A training over the first ``count`` videos of the list, without the network, and an indexing."""
-    plain_warnings()
     part = root / f"list{count}.txt"
     part.write_text("\n".join((root / "list.txt").read_text().splitlines()[: count + BROKEN]))
 
@@ -151,6 +150,7 @@ def main() -> None:
     parser.add_argument("--measure", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.measure:
+        plain_warnings()
         print(json.dumps(asdict(measure(arguments.paths[0], arguments.measure))))
         return
     with tempfile.TemporaryDirectory() as folder:
