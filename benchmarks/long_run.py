@@ -102,7 +102,7 @@ def train(folder: Path, steps: int, minutes: float) -> NDArray[np.float64]:
 
 
 def quarters(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Medians of the columns, and tenth percentiles of times, in the first and last quarter of the rows after the warm-up."""
+    """Medians of the columns (of times tenth percentiles) in the first and last quarter of the rows after the warm-up."""
     counted = rows[round(WARM_UP * len(rows)) :]
     length = max(1, len(counted) // 4)
     shares = [10 if name.endswith("ms a step") else 50 for name in COLUMNS]

@@ -10,6 +10,8 @@ from sips_lit.describe.sift import RootSift
 from sips_lit.errors import BadInputError, InputWarning
 from sips_lit.frames.source import Source
 from sips_lit.inliers.klt import KltInliers
+from sips_lit.pairs.build import build_indexes
+from sips_lit.pairs.overlap import OverlapParameters
 from sips_lit.pairs.sampler import SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, SkippedItems, TrainingPairs
@@ -152,3 +154,17 @@ def test_right_images_and_depth_count_as_parts_of_a_pair():
     assert {why for item in items for why in item.skipped} == {"right/3.png is damaged"}
     assert all(3 not in (item.pair.index0, item.pair.index1) for item in items)
     np.testing.assert_array_equal(items[0].pair.image0, sequence.frames[items[0].pair.index0])
+
+
+def test_an_index_that_is_gone_costs_the_pairs_of_its_sequence(tmp_path):
+    """As where somebody removes a video's files while a training runs."""
+    films = [flight(8, seed=seed, size=(80, 64), name=name) for seed, name in enumerate(("gone", "there"))]
+    sources = [Source(films)]
+    stored = build_indexes(films, tmp_path, OverlapParameters())
+    pairs = TrainingPairs(sources, SourceSampler(sources, stored, 0.2, seed=1), KltInliers(), None, 30)
+    stored[0].path.unlink()
+    drawn = [pairs[index] for index in range(30)]
+    assert all(item.pair.name.startswith("there:") for item in drawn)
+    reasons = [reason for item in drawn for reason in item.skipped]
+    assert reasons
+    assert all("is gone or damaged" in reason for reason in reasons)
