@@ -57,7 +57,7 @@ class Recorder(L.Callback):
         if self._since is not None:
             wall, used = (1000 * (a - b) / EVERY for a, b in zip(now, self._since, strict=True))
             processes = [self.own, *self.own.children(recursive=True)]
-            memory = sum(process.memory_full_info().pss for process in processes) / 1e6
+            memory = sum(map(_own_bytes, processes)) / 1e6
             files, threads = (sum(values) for values in zip(*map(_handles, processes), strict=True))
             with self.path.open("a") as file:
                 csv.writer(file).writerow([trainer.global_step, memory, files, threads, used, wall])
@@ -66,6 +66,18 @@ class Recorder(L.Callback):
     def _processor_seconds(self) -> float:
         times = [process.cpu_times() for process in (self.own, *self.own.children(recursive=True))]
         return float(sum(t.user + t.system for t in times))
+
+
+def _own_bytes(process: psutil.Process) -> int:
+    """Memory that holds no file: pages of libraries would count less whenever another program loads the same ones.
+
+    What processes share is divided among them, so that a sum counts it once (Linux; elsewhere what each has for itself).
+    """
+    told = Path(f"/proc/{process.pid}/smaps_rollup")
+    if not told.exists():
+        return int(process.memory_full_info().uss)
+    lines = (line.split() for line in told.read_text().splitlines())
+    return sum(1024 * int(line[1]) for line in lines if line[0] in ("Pss_Anon:", "Pss_Shmem:"))
 
 
 def _handles(process: psutil.Process) -> tuple[int, int]:

@@ -1,6 +1,8 @@
 import runpy
+from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from cli_runs import ROOT
 
@@ -38,3 +40,12 @@ def test_the_warm_up_does_not_count(long_run):
 def test_a_picture(long_run, tmp_path):
     long_run["draw"](rows(500), tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000
+
+
+@pytest.mark.skipif(not Path("/proc/self/smaps_rollup").exists(), reason="only Linux tells")
+def test_memory_without_files(long_run):
+    own = psutil.Process()
+    before = long_run["_own_bytes"](own)
+    held = np.ones(40_000_000, np.uint8)
+    assert 39e6 < long_run["_own_bytes"](own) - before < 45e6
+    assert before + held.nbytes < own.memory_info().rss + held.nbytes  # libraries do not count
