@@ -2,8 +2,9 @@
 
 python benchmarks/long_run.py [--steps 20000] [--minutes 600] [--figure long_run.png]
 Runs sips-train with all its callbacks on small frames; a callback more notes what its processes use, every 50 steps. The
-first tenth does not count: workers start, caches fill, and the first validation opens what the others use again. Other load
-makes steps longer, never shorter, so of times the fastest tenth counts, and what has a limit is the time of processors.
+first 3000 steps do not count: workers start, the first validation opens what the others use again, and memory grows until it
+settles. Other load makes steps longer, never shorter, so of times the fastest tenth counts, and what has a limit is the
+time of processors.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from tabulate import tabulate
 
 EVERY = 50  # steps between two samples
-WARM_UP = 0.1  # of the samples
+WARM_UP = 3000  # steps, but at most half of a run
 COLUMNS = ("step", "MB", "open files", "threads", "processor ms a step", "ms a step")
 SMALL = (
     "model=tiny",
@@ -115,7 +116,7 @@ def train(folder: Path, steps: int, minutes: float) -> NDArray[np.float64]:
 
 def quarters(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Medians of the columns (of times tenth percentiles) in the first and last quarter of the rows after the warm-up."""
-    counted = rows[round(WARM_UP * len(rows)) :]
+    counted = rows[rows[:, 0] > min(WARM_UP, rows[-1, 0] / 2)]
     length = max(1, len(counted) // 4)
     shares = [10 if name.endswith("ms a step") else 50 for name in COLUMNS]
 

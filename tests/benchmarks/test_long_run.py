@@ -32,7 +32,7 @@ def test_what_grows_is_over_its_limit(long_run):
 
 def test_the_warm_up_does_not_count(long_run):
     memory = np.full(100, 700.0)
-    memory[:10] = 100
+    memory[:50] = 100  # of 5000 steps
     first, last = long_run["quarters"](rows(memory))
     assert (first[1], last[1]) == (700, 700)
 
