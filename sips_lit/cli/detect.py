@@ -36,6 +36,7 @@ class DetectOptions:
     confidence: float
     n_max: int
     nms_radius: int | None
+    border: int | None
     scales: int | None
     subpixel: bool
     device: str
@@ -56,6 +57,7 @@ def detect(config: DictConfig) -> None:
         options.scales,
         options.runtime,
         options.precision,
+        options.border,
     )
     stream = open_stream(Path(options.input), "overlay" in kinds, options.names)
     folder, summary = Path(options.output), DetectionSummary()

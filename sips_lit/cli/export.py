@@ -22,7 +22,7 @@ from sips_lit.export.write import NEEDS, SUFFIXES, require_packages, write_model
 from sips_lit.files import make_folder
 
 FORMATS: Final = ("safetensors", *SUFFIXES)
-OF_POINTS: Final = ("n", "threshold", "k", "nms_radius", "scales")
+OF_POINTS: Final = ("n", "threshold", "k", "nms_radius", "border", "scales")
 
 
 @dataclass
@@ -41,6 +41,7 @@ class ExportOptions:
     confidence: float
     n_max: int
     nms_radius: int | None
+    border: int | None
     scales: int | None
     subpixel: bool
 
@@ -110,7 +111,11 @@ def budget_of(options: ExportOptions) -> Budget:
 def model_of(options: ExportOptions, budget: Budget) -> Exportable:
     """The module that becomes a file. Raises BadInputError as `SipsDetector.from_checkpoint` and `TopPoints`."""
     detector = SipsDetector.from_checkpoint(
-        options.checkpoint, subpixel=options.subpixel, nms_radius=options.nms_radius, scales=options.scales
+        options.checkpoint,
+        subpixel=options.subpixel,
+        nms_radius=options.nms_radius,
+        scales=options.scales,
+        border=options.border,
     )
     if options.points:
         return TopPoints(detector.network, detector.selector, budget)

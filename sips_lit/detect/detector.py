@@ -71,10 +71,12 @@ class SipsDetector(BaseDetector):
         scales: int | None = None,
         runtime: str = "torch",
         precision: str | int = "32",
+        border: int | None = None,
     ) -> SipsDetector:
         """The detector of a ``.ckpt`` or ``.safetensors`` file, or of released weights by name.
 
-        ``subpixel`` fits the peaks whatever training did. ``nms_radius``: no two points within it, in pixels; ``scales``:
+        ``subpixel`` fits the peaks whatever training did. ``nms_radius``: no two points within it, in pixels; ``border``: no
+        points on so many pixels along the border (on small images a sixteenth of the shorter side); ``scales``:
         levels of the image pyramid, for cameras that come nearer and turn, which a network trained on one level takes, too.
         None: those of the file. ``runtime``: what executes the network, torch, onnxruntime, openvino or auto (the fastest
         that is installed for each image size, so last digits may differ from run to run); ``precision``: 32 or bf16.
@@ -87,7 +89,8 @@ class SipsDetector(BaseDetector):
             if scales is not None:
                 network = network.with_scales(scales)
             radius = selector.nms_radius if nms_radius is None else nms_radius
-            selector = replace(selector, nms_radius=radius, subpixel=subpixel)
+            margin = selector.border if border is None else border
+            selector = replace(selector, nms_radius=radius, subpixel=subpixel, border=margin)
         except ValueError as error:
             raise BadInputError(str(error)) from error
         return cls(network, selector, device, runtime, precision)

@@ -1,7 +1,8 @@
 """Logits of a pixel as their mean over octaves: the image, half of it, a quarter, and so on.
 
-What stays a good point when the image is halved is there for other reasons than the texture of single pixels, and is found
-again from further away. The same network scores every octave, so it has no more weights for it (our choice).
+What stays a good point when the image is halved is there for other reasons than the texture of single pixels, and is
+found again from further away. The same network scores every octave, so it has no more weights for it, and it learns from
+one octave alone: two opinions are worth more where neither was made with the other in mind (our choice).
 """
 
 from __future__ import annotations

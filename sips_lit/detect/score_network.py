@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from sips_lit.detect.derivatives import CHANNELS, derivative_channels, derivative_filters
-from sips_lit.detect.octaves import enlarged, halves, mean_over_octaves
+from sips_lit.detect.octaves import mean_over_octaves
 
 Gradient = Literal["patches", "dense"]
 
@@ -29,13 +29,13 @@ class ScoreNetwork(nn.Module):
     and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias`` (our choice). With
     ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`). With
     ``derivatives`` the first layer gets `derivative_channels` instead of the grey image alone (the paper's), and the
-    receptive field grows by a pixel to each side. With ``octaves > 1`` a logit is the mean of those of the image, of half of
-    it, and so on (see `sips_lit.detect.octaves`). With ``covariance`` a second last layer, ``covariance_head``, gives three
-    numbers a pixel of which `sips_lit.detect.covariance` makes the covariance of a point's place; logits stay what they are.
+    receptive field grows by a pixel to each side. With ``octaves > 1`` the logit of a call is the mean of those of the
+    image, of half of it, and so on (see `sips_lit.detect.octaves`); what it learns from is the logit of one octave. With
+    ``covariance`` a second last layer, ``covariance_head``, gives three numbers a pixel of which
+    `sips_lit.detect.covariance` makes the covariance of a point's place; logits stay what they are.
 
-    Each octave is padded once by ``radius`` replicated pixels, then every convolution is a valid one: the logit of a pixel
-    depends on exactly the (2 radius + 1)^2 pixels of the octave around it, and the same numbers come out of a dense pass and
-    of patches.
+    Each octave is padded once by ``radius`` replicated pixels, then every convolution is a valid one: its logit of a pixel
+    depends on exactly the (2 radius + 1)^2 pixels around it, and the same numbers come out of a dense pass and of patches.
 
     Raises ValueError for a depth below 2 or an odd width.
     """
@@ -113,34 +113,20 @@ class ScoreNetwork(nn.Module):
         return mean_over_octaves(self.octave, image, self.octaves)
 
     def octave(self, image: Tensor) -> Tensor:
-        """Logits (B, 1, H, W) of an octave by itself, as of images (B, 1, H, W)."""
+        """Logits (B, 1, H, W) of images (B, 1, H, W), or of an octave of them, by themselves."""
         return self.valid(self.pad(image))
-
-    @property
-    def reach(self) -> int:
-        """Pixels of the image to each side that a logit depends on, at most."""
-        pixel = 2 ** (self.octaves - 1)  # of the last octave; logits lie between two of them
-        return self.radius if self.octaves == 1 else (self.radius + 1) * pixel + pixel // 2 - 1
 
     def pad(self, image: Tensor) -> Tensor:
         """Scaled image with ``radius`` replicated pixels on every side."""
         return F.pad(_scale(image), (self.radius,) * 4, mode="replicate")
 
     def interior(self, image: Tensor, margin: int) -> Tensor:
-        """Logits (B, 1, H - 2 margin, W - 2 margin) of the pixels that are ``margin`` >= ``reach`` away from every border.
+        """Logits (B, 1, H - 2 margin, W - 2 margin), of one octave, of pixels ``margin`` >= ``radius`` from every border.
 
-        No replicated pixel counts: they are those that the network gives within a larger image, whose pixels are halved from
-        the same row and column on.
+        No pixel is replicated: they are those that the network gives within a larger image.
         """
-        height, width = image.shape[-2:]
-
-        def inner(whole: Tensor, cut: int) -> Tensor:
-            return whole[..., cut : whole.shape[-2] - cut, cut : whole.shape[-1] - cut]
-
-        total = self.valid(_scale(inner(image, margin - self.radius)))
-        for octave, level in enumerate(halves(image, self.octaves), 1):
-            total = total + inner(enlarged(self.octave(level), octave, (height, width)), margin)
-        return total / self.octaves
+        cut = margin - self.radius
+        return self.valid(_scale(image[..., cut : image.shape[-2] - cut, cut : image.shape[-1] - cut]))
 
     def valid(self, padded: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of padded, scaled images (B, 1, H + 2 radius, W + 2 radius)."""
@@ -165,20 +151,14 @@ class ScoreNetwork(nn.Module):
         return output
 
     def at(self, image: Tensor, rows: Tensor, columns: Tensor, gradient: Gradient) -> Tensor:
-        """Logits (N,) at N pixels of one image (1, 1, H, W), differentiable, by the route ``gradient``.
+        """Logits (N,), of one octave, at N pixels of one image (1, 1, H, W), differentiable, by the route ``gradient``.
 
-        ``dense`` evaluates the whole image and gathers; ``patches`` evaluates the receptive field of each pixel only, and
-        all of the smaller octaves. Both give the same logits and gradients; which is faster depends on the network, the
-        image and the machine.
+        ``dense`` evaluates the whole image and gathers; ``patches`` evaluates the receptive field of each pixel only.
+        Both give the same logits and gradients; which is faster depends on the network, the image and the machine.
         """
         if gradient == "dense":
-            return self.forward(image)[0, 0][rows, columns]
-        total = self.valid(self._windows(image, rows, columns)).flatten()
-        for octave, level in enumerate(halves(image, self.octaves), 1):
-            total = (
-                total + enlarged(self.octave(level), octave, (image.shape[-2], image.shape[-1]))[0, 0][rows, columns]
-            )
-        return total / self.octaves
+            return self.octave(image)[0, 0][rows, columns]
+        return self.valid(self._windows(image, rows, columns)).flatten()
 
     def covariance_numbers(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
         """Outputs (N, 3) of the covariance head at N pixels of one image (1, 1, H, W), by their receptive fields.

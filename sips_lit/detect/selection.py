@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,18 +19,44 @@ from sips_lit.errors import BadInputError
 from sips_lit.types import FloatArray, GreyImage, Keypoints
 
 LARGEST_RADIUS = 1000  # pixels; a damaged checkpoint may ask for any
+SIXTEENTH = 16
+"""Of the shorter side of an image, at most, have no points along its border."""
 
 
 class Scorer(Protocol):
     """A score network, or what runs one (see `sips_lit.detect.runtime`)."""
 
-    scales: int
-    """Levels of the pyramid."""
-    scale_factor: float
-    """Between two levels of the pyramid."""
+    @property
+    def scales(self) -> int:
+        """Levels of the pyramid."""
+
+    @property
+    def scale_factor(self) -> float:
+        """Between two levels of the pyramid."""
 
     def __call__(self, image: Tensor, /) -> Tensor:
         """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W) with values 0 to 255."""
+
+
+@dataclass(frozen=True, slots=True)
+class OneOctave:
+    """A score network that scores the image alone, whatever octaves it has: what it learns from."""
+
+    network: ScoreNetwork
+
+    @property
+    def scales(self) -> int:
+        """See `Scorer`."""
+        return self.network.scales
+
+    @property
+    def scale_factor(self) -> float:
+        """See `Scorer`."""
+        return self.network.scale_factor
+
+    def __call__(self, image: Tensor, /) -> Tensor:
+        """See `Scorer`."""
+        return self.network.octave(image)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,21 +80,31 @@ class PointSelector:
     """Selects the n best local maxima of a score network.
 
     ``nms_radius``: no two points closer than or equal to it (pixels, Chebyshev); ``subpixel``: quadratic fit of the peaks;
-    ``recalibration``: what makes the logits the probabilities that points have as scores.
+    ``border``: no points on so many rows and columns along the border of the image, which leave the view first and whose
+    descriptors lack a part of theirs, nor on more than a sixteenth of its shorter side (our choice); ``recalibration``:
+    what makes the logits the probabilities that points have as scores.
     """
 
     nms_radius: int = 5
     subpixel: bool = True
+    border: int = 0
     recalibration: Recalibration = AS_TRAINED
 
     def __post_init__(self) -> None:
         if self.nms_radius not in range(LARGEST_RADIUS + 1):
             raise ValueError(f"nms_radius is {self.nms_radius}: it counts pixels, from 0 to {LARGEST_RADIUS}")
+        if self.border not in range(LARGEST_RADIUS + 1):
+            raise ValueError(f"border is {self.border}: it counts pixels, from 0 to {LARGEST_RADIUS}")
 
     @property
     def config(self) -> dict[str, Any]:
         """How points are chosen: the constructor's arguments but for the recalibration."""
-        return {"nms_radius": self.nms_radius, "subpixel": self.subpixel}
+        return {"nms_radius": self.nms_radius, "subpixel": self.subpixel, "border": self.border}
+
+    @property
+    def anywhere(self) -> PointSelector:
+        """The same with points up to the border."""
+        return replace(self, border=0)
 
     @torch.no_grad()
     def select(self, network: Scorer, image: Tensor, n: int) -> SelectedPoints:
@@ -106,7 +142,8 @@ class PointSelector:
             )
         with step("suppression"):
             rows, columns = local_maxima(logits, self.nms_radius)
-        rows, columns = rows[:keep], columns[:keep]
+        inner = far_from_border(rows, columns, (logits.shape[0], logits.shape[1]), self.border)
+        rows, columns = rows[inner][:keep], columns[inner][:keep]
         xy = torch.stack([columns, rows], 1).to(logits.dtype)
         if self.subpixel:
             with step("sub-pixel"):
@@ -114,6 +151,14 @@ class PointSelector:
         if index > 0:
             xy = to_full_resolution(xy, (logits.shape[0], logits.shape[1]), size)
         return xy, logits[rows, columns], torch.stack([torch.full_like(rows, index), rows, columns], 1)
+
+
+def far_from_border(rows: Tensor, columns: Tensor, size: tuple[int, int], border: int) -> Tensor:
+    """Which pixels (...,) of an image (H, W) have ``border`` pixels or a sixteenth of its shorter side outside, or more."""
+    height, width = size
+    outside = torch.minimum(torch.minimum(rows, height - 1 - rows), torch.minimum(columns, width - 1 - columns))
+    further = SIXTEENTH * (outside + 1)  # not by a minimum of both sides, which an exported graph does not know
+    return (outside >= border) | (further > height) | (further > width)
 
 
 def image_pyramid(image: Tensor, scales: int, factor: float) -> list[Tensor]:

@@ -9,6 +9,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from sips_lit.detect.selection import far_from_border
+
 
 def peak_pixels(logits: Tensor, radius: int) -> Tensor:
     """Pixels (B, P) int64, row W + column, of the local maxima of score maps (B, H, W), ascending; the rest is H W.
@@ -33,13 +35,18 @@ def peak_pixels(logits: Tensor, radius: int) -> Tensor:
     return torch.where(place > 0, pixel, height * width).flatten(1).sort(dim=1).values
 
 
-def best_pixels(logits: Tensor, pixels: Tensor, n: int) -> tuple[Tensor, Tensor, Tensor]:
+def best_pixels(logits: Tensor, pixels: Tensor, n: int, border: int = 0) -> tuple[Tensor, Tensor, Tensor]:
     """Logits (B, n), rows and columns (B, n) int64 of the best of `peak_pixels`, equal ones by row, then column.
 
-    Where there are fewer, the logits that are left are -inf, and the pixels are in the first row.
+    Of those that are `far_from_border`. Where there are fewer, the logits that are left are -inf, and the pixels are in the
+    first row.
     """
     height, width = logits.shape[-2:]
-    found = F.pad(pixels < height * width, (0, n))
+    found = pixels < height * width
+    if border:
+        rows = pixels // width
+        found = found & far_from_border(rows, pixels - rows * width, (height, width), border)
+    found = F.pad(found, (0, n))
     pixels = torch.where(found, F.pad(pixels, (0, n)), 0)
     value = torch.where(found, logits.flatten(1).gather(1, pixels), -torch.inf)
     value, order = value.sort(dim=1, descending=True, stable=True)

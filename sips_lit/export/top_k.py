@@ -65,7 +65,7 @@ class TopPoints(nn.Module):
             logits, numbers = self.network.logits_and_covariance_numbers(image.float())
             logits = logits[:, 0]
         pixels = peak_pixels(logits, self.selector.nms_radius)
-        best, rows, columns = best_pixels(logits, pixels, self.budget.candidates)
+        best, rows, columns = best_pixels(logits, pixels, self.budget.candidates, self.selector.border)
         xy = torch.stack([columns, rows], -1).to(logits.dtype)
         if self.selector.subpixel:
             xy = xy + fitted_offsets(logits, rows, columns)

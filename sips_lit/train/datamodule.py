@@ -89,7 +89,7 @@ class PairDataModule(ValidationDataModule):
         steps, trainer = self.training_steps(), self.trainer
         assert trainer is not None
         pairs = TrainingPairs(self.sources, self.sampler, self.inliers, self.augmentation, steps)
-        select: Any = trainer.lightning_module.select
+        select: Any = trainer.lightning_module.select_to_train
         return OneStepAhead(
             PackedPairs(pairs),
             select,

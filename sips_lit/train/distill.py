@@ -53,7 +53,7 @@ class DistillModule(ScoreModule):
     @property
     def margin(self) -> int:
         """Pixels around a crop that the logits of its pixels depend on: those of the larger receptive field."""
-        return max(self.network.reach, self.teacher.reach)
+        return max(self.network.radius, self.teacher.radius)
 
     @property
     def learns_from(self) -> dict[str, str]:

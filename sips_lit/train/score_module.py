@@ -14,7 +14,7 @@ from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LRScheduler
 
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor
+from sips_lit.detect.selection import OneOctave, PointSelector, Scorer, SelectedPoints, image_tensor
 from sips_lit.errors import BadInputError
 from sips_lit.inliers.verification import verify
 from sips_lit.train.compiled import compile_layers
@@ -73,8 +73,15 @@ class ScoreModule(L.LightningModule):
 
     def select(self, image: GreyImage) -> SelectedPoints:
         """The points of an image (H, W) that the network selects now."""
+        return self._select(self.selector, self.network, image)
+
+    def select_to_train(self, image: GreyImage) -> SelectedPoints:
+        """The points of an image (H, W) that are labelled: by the octave that the network learns from, up to the border."""
+        return self._select(self.selector.anywhere, OneOctave(self.network), image)
+
+    def _select(self, selector: PointSelector, network: Scorer, image: GreyImage) -> SelectedPoints:
         with self.trainer.precision_plugin.forward_context():
-            return self.selector.select(self.network, image_tensor(image, self.device), self.points)
+            return selector.select(network, image_tensor(image, self.device), self.points)
 
     def on_before_optimizer_step(self, optimizer: Optimizer) -> None:
         """Logs the learning rate of the step that follows: once, of however many pairs the step is."""

@@ -208,7 +208,7 @@ def test_two_files_that_others_can_read(tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted(written)
     beside = json.loads(written[1].read_text())
     assert beside == json.loads(config_json(make_network(), PointSelector(4)))
-    assert beside["selector"] == {"nms_radius": 4, "subpixel": True}
+    assert beside["selector"] == {"nms_radius": 4, "subpixel": True, "border": 0}
     assert ScoreNetwork(**beside["network"]).config == make_network().config
     with safetensors.safe_open(written[0], framework="numpy") as stored:
         assert json.loads(stored.metadata()[METADATA_KEY]) == beside

@@ -9,6 +9,7 @@ from textured_scenes import texture
 from sips_lit.detect.peaks import local_maxima
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import (
+    OneOctave,
     PointSelector,
     image_pyramid,
     image_tensor,
@@ -54,6 +55,38 @@ def test_single_scale_is_the_best_local_maxima_of_the_map():
     np.testing.assert_allclose(points.keypoints.score, torch.sigmoid(logits[rows, columns])[:12].numpy(), rtol=1e-6)
     assert set(points.level) == {0}
     assert set(points.keypoints.scale) == {1.0}
+
+
+@pytest.mark.parametrize(("border", "margin"), [(0, 0), (4, 4), (5, 5), (24, 5)])
+@pytest.mark.parametrize("scales", [1, 3])
+def test_the_border_has_no_points_a_sixteenth_of_the_shorter_side_at_most(border, margin, scales):
+    everywhere, inner = (
+        PointSelector(2, subpixel=False, border=width).select(network(scales), IMAGE, 10_000) for width in (0, border)
+    )
+    height, width = IMAGE.shape[-2:]
+    x, y = inner.keypoints.xy.T
+    rounded = 0 if scales == 1 else 1  # of the sixteenth of a coarser level
+    assert min(x.min(), width - 1 - x.max(), y.min(), height - 1 - y.max()) >= margin - rounded
+    if scales == 1:
+        x, y = everywhere.keypoints.xy.T
+        kept = (x >= margin) & (x < width - margin) & (y >= margin) & (y < height - margin)
+        np.testing.assert_array_equal(inner.keypoints.xy, everywhere.keypoints.xy[kept])
+        assert len(inner) == len(everywhere) or margin
+    assert PointSelector(2, border=border).anywhere == PointSelector(2)
+
+
+def test_as_many_points_as_asked_for_where_better_ones_are_in_the_border():
+    chosen = PointSelector(2, subpixel=False, border=5).select(network(), IMAGE, 10)
+    more = PointSelector(2, subpixel=False, border=5).select(network(), IMAGE, 50)
+    assert len(chosen) == 10
+    np.testing.assert_array_equal(chosen.keypoints.xy, more.keypoints.xy[:10])
+
+
+def test_a_network_of_several_octaves_scores_one_to_learn():
+    net = ScoreNetwork(4, 8, octaves=2)
+    torch.testing.assert_close(OneOctave(net)(IMAGE), net.octave(IMAGE))
+    assert (OneOctave(net)(IMAGE) - net(IMAGE)).abs().max() > 1e-3
+    assert (OneOctave(net).scales, OneOctave(net).scale_factor) == (net.scales, net.scale_factor)
 
 
 def test_sub_pixel_moves_points_by_half_a_pixel_at_most():
@@ -198,6 +231,12 @@ def test_broken_weights_are_told_to_the_user():
 def test_a_negative_radius_is_refused():
     with pytest.raises(ValueError, match="nms_radius is -1"):
         PointSelector(nms_radius=-1)
+
+
+@pytest.mark.parametrize("border", [-1, 1001, 1.5])
+def test_a_border_counts_pixels(border):
+    with pytest.raises(ValueError, match=f"border is {border}: it counts pixels, from 0 to 1000"):
+        PointSelector(border=border)
 
 
 def test_image_tensor_keeps_grey_values_of_any_view():

@@ -36,12 +36,13 @@ def slow_peaks(scores: np.ndarray, radius: int) -> list[tuple[int, int]]:
     st.integers(1, 30),
     st.integers(2, 40),
     st.integers(0, 99),
+    st.integers(0, 3),
 )
-def test_points_are_those_of_a_slow_search(height, width, radius, n, values, seed):
-    """With few values there are many ties."""
+def test_points_are_those_of_a_slow_search(height, width, radius, n, values, seed, border):
+    """With few values there are many ties; images are too small for a border, so a sixteenth of them has none."""
     scores = np.random.default_rng(seed).integers(-values, 0, (2, height, width)).astype(np.float32)
     maps = torch.from_numpy(scores)
-    value, rows, columns = best_pixels(maps, peak_pixels(maps, radius), n)
+    value, rows, columns = best_pixels(maps, peak_pixels(maps, radius), n, border)
     assert value.shape == rows.shape == columns.shape == (2, n)
     for index in range(2):
         expected = slow_peaks(scores[index], radius)
@@ -71,3 +72,14 @@ def test_offsets_are_those_of_the_detector(size):
 def test_what_is_not_a_number_is_no_peak():
     scores = torch.full((1, 20, 20), torch.nan)
     assert not bool((best_pixels(scores, peak_pixels(scores, 3), 4)[0] > -torch.inf).any())
+
+
+@pytest.mark.parametrize(("border", "margin"), [(0, 0), (1, 1), (2, 2), (3, 2)])
+def test_a_border_without_points_is_a_sixteenth_of_the_shorter_side_at_most(border, margin):
+    """As in `PointSelector`: peaks are suppressed by better ones in the border all the same."""
+    scores = np.random.default_rng(0).normal(size=(1, 33, 70)).astype(np.float32)
+    maps = torch.from_numpy(scores)
+    value, rows, columns = best_pixels(maps, peak_pixels(maps, 2), 500, border)
+    found = (value[0] > -torch.inf).tolist()
+    expected = [(y, x) for y, x in slow_peaks(scores[0], 2) if margin <= y < 33 - margin and margin <= x < 70 - margin]
+    assert list(zip(rows[0, found].tolist(), columns[0, found].tolist(), strict=True)) == expected

@@ -29,7 +29,7 @@ def trainer(max_steps=6, accumulate=1, rank=0, ranks=1):
         accumulate_grad_batches=accumulate,
         world_size=ranks,
         global_rank=rank,
-        lightning_module=SimpleNamespace(select=no_points),
+        lightning_module=SimpleNamespace(select_to_train=no_points),
     )
 
 
