@@ -37,6 +37,7 @@ class DetectOptions:
     n_max: int
     nms_radius: int | None
     border: int | None
+    octaves: int | None
     scales: int | None
     subpixel: bool
     device: str
@@ -58,6 +59,7 @@ def detect(config: DictConfig) -> None:
         options.runtime,
         options.precision,
         options.border,
+        options.octaves,
     )
     stream = open_stream(Path(options.input), "overlay" in kinds, options.names)
     folder, summary = Path(options.output), DetectionSummary()

@@ -42,6 +42,7 @@ class ExportOptions:
     n_max: int
     nms_radius: int | None
     border: int | None
+    octaves: int | None
     scales: int | None
     subpixel: bool
 
@@ -84,7 +85,7 @@ def refuse_contradictions(options: ExportOptions) -> None:
         raise BadInputError(f"points=true needs a program, not weights alone: give format={' or '.join(SUFFIXES)}")
     if options.size is not None and (len(options.size) != 2 or min(options.size) < 1):
         raise BadInputError(
-            f"size is {list(options.size)}: give height and width of the images, such as size=[480,640]"
+            f"size is {list(options.size)}: give width and height of the images, such as size=[640,480]"
         )
     if options.size is not None and options.format == "safetensors":
         raise BadInputError(f"size={list(options.size)} needs a program, not weights alone: give format=onnx, say")
@@ -99,7 +100,7 @@ def refuse_contradictions(options: ExportOptions) -> None:
 
 def size_of(options: ExportOptions) -> Size | None:
     """The only (H, W) that the model takes; None: any."""
-    return None if options.size is None else (options.size[0], options.size[1])
+    return None if options.size is None else (options.size[1], options.size[0])
 
 
 def budget_of(options: ExportOptions) -> Budget:
@@ -116,6 +117,7 @@ def model_of(options: ExportOptions, budget: Budget) -> Exportable:
         nms_radius=options.nms_radius,
         scales=options.scales,
         border=options.border,
+        octaves=options.octaves,
     )
     if options.points:
         return TopPoints(detector.network, detector.selector, budget)

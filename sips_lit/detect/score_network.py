@@ -102,9 +102,16 @@ class ScoreNetwork(nn.Module):
             if parameter.ndim == 4:  # channels last halves the time on a CPU
                 parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
 
-    def with_scales(self, scales: int) -> ScoreNetwork:
-        """A network of the same weights for a pyramid of ``scales`` levels. Raises ValueError for a number out of range."""
-        network = ScoreNetwork(**{**self.config, "scales": scales})
+    def with_levels(self, scales: int | None = None, octaves: int | None = None) -> ScoreNetwork:
+        """A network of the same weights for a pyramid of ``scales``, or for ``octaves``; None: as many as it has.
+
+        Raises ValueError for a number out of range.
+        """
+        levels = {
+            "scales": self.scales if scales is None else scales,
+            "octaves": self.octaves if octaves is None else octaves,
+        }
+        network = ScoreNetwork(**{**self.config, **levels})
         network.load_state_dict(self.state_dict())
         return network.train(self.training)
 

@@ -127,7 +127,7 @@ def test_fifty_points_unless_told(command, mine, made):
 
 
 def test_a_model_for_one_size(command, mine, made):
-    assert command("export", f"checkpoint={mine}", "format=onnx", "size=[48,64]").code == 0
+    assert command("export", f"checkpoint={mine}", "format=onnx", "size=[64,48]").code == 0
     assert made[0][4] == (48, 64)
 
 
@@ -153,9 +153,9 @@ def test_points_of_one_of_several_scales(command, made, tmp_path):
         (["format=onnx", "points=true", "n=0"], "n is 0: an exported model needs at least one point"),
         (["format=onnx", "points=true", "nms_radius=-1"], "nms_radius is -1"),
         (["format=onnx", "image_type=float16"], "image_type is float16: give float32 or uint8"),
-        (["format=onnx", "size=[640]"], "size is [640]: give height and width of the images"),
-        (["format=onnx", "size=[0,640]"], "size is [0, 640]: give height and width"),
-        (["size=[480,640]"], "size=[480, 640] needs a program, not weights alone: give format=onnx"),
+        (["format=onnx", "size=[640]"], "size is [640]: give width and height of the images"),
+        (["format=onnx", "size=[0,640]"], "size is [0, 640]: give width and height"),
+        (["size=[640,480]"], "size=[640, 480] needs a program, not weights alone: give format=onnx"),
         (["format=torch_export", "output=a.pt"], "name a file that ends in .pt2"),
         (["format="], "format is : give"),
         (["output=weights.pt"], "output is weights.pt: name a file that ends in .safetensors"),
