@@ -26,15 +26,8 @@ from sips_lit.files import write_whole
 METADATA_KEY = "sips_lit"
 RECALIBRATION = "recalibration"
 PREFIX = "network."
-ARCHITECTURE = (
-    "depth",
-    "width",
-    "leaky_slope",
-    "scales",
-    "scale_factor",
-    "derivatives",
-    "octaves",
-)  # of what gives the logits
+LEARNED = ("depth", "width", "leaky_slope", "scales", "scale_factor", "derivatives")  # what weights are learned for
+ARCHITECTURE = (*LEARNED, "octaves")  # of what gives the logits
 
 
 def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
@@ -87,12 +80,12 @@ def require_finite(network: ScoreNetwork, path: str | Path) -> None:
 
 
 def start_from(network: ScoreNetwork, path: str | Path) -> None:
-    """Gives a network the weights of a file; a covariance head that only one of both has stays as it is, or is left out.
+    """Gives a network the weights of a file of any octaves; a covariance head that only one has stays, or is left out.
 
     Raises BadInputError where the file is of another network, or can't be used.
     """
     other = load_network(path)
-    names = [name for name in ARCHITECTURE if network.config[name] != other.config[name]]
+    names = [name for name in LEARNED if network.config[name] != other.config[name]]
     if names:
         told = ", ".join(f"{name}={other.config[name]} (here {network.config[name]})" for name in names)
         raise BadInputError(f"init={path} is another network, with {told}: give the same model")

@@ -11,8 +11,8 @@ from sips_lit.errors import BadInputError
 WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the files, each with its model card."""
 SHA256: Final = {
-    "sips-small": "a914e3710417c1ee41e8c8083a4a8d9e9307ef8390d913e6001dd5b6657384ec",
-    "sips-tiny": "a9c7ad4c125df4e78e4ca578bacc12c85e9823215d903414b4eae42f614bb1b7",
+    "sips-small": "d5b035bbeb238814327aa1a5fde4ef01fd187667f91adfec3dc90dda2db7176b",
+    "sips-tiny": "be092c8d05ebaa248d68d583f823ecb67c942b6fbd06d8399fa7cbb27bac0e98",
 }
 """Names, with the hash of ``<name>.safetensors``."""
 DEFAULT: Final = "sips-small"
