@@ -37,8 +37,8 @@ class SipsDetector(BaseDetector):
     >>> points = detector("image.png", n=50)
     >>> points.xy.shape, points.score.shape
     ((50, 2), (50,))
-    >>> [len(points) for points in detector(["a.png", "b.png"], n=50)]
-    [50, 50]
+    >>> len(detector(["a.png", "b.png"], n=50))  # of each image
+    2
     """
 
     name = "SIPs"
