@@ -38,7 +38,8 @@ def draw_trajectories(
             axes.plot(truth[:, across], truth[:, up], color="0.75", linewidth=4, label="true", solid_capstyle="round")
         for name, places in curves.items():
             draw_curve(axes, places[:, across], places[:, up], styles[name], name)
-        axes.set(title=title, xlabel=f"{AXES[across]} (m)", aspect="equal", adjustable="datalim")
+        axes.set(title=title, xlabel=f"{AXES[across]} (m)", aspect="equal")
+        axes.set_adjustable("datalim" if truth is None else "box")  # with limits of its own a panel is a square
         if truth is not None:
             half = max(0.75 * float((high - low).max()), SMALLEST)
             middle = (low + high) / 2

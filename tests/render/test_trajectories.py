@@ -6,7 +6,7 @@ from sips_lit.render.trajectories import draw_against_n, draw_trajectories
 STYLES = detector_styles(["SIFT", "ORB"])
 
 
-def test_the_axes_are_those_of_the_longest_ways():
+def test_the_axes_are_those_of_the_longest_ways(caplog):
     truth = np.column_stack([np.linspace(0, 5, 9), np.zeros(9), np.linspace(0, 50, 9)])
     figure = draw_trajectories(
         {"n = 10": {"SIFT": truth + 1, "ORB": 100 * truth}, "n = 50": {"SIFT": truth, "ORB": truth}}, truth, STYLES
@@ -15,6 +15,7 @@ def test_the_axes_are_those_of_the_longest_ways():
     assert (first.get_xlabel(), first.get_ylabel(), second.get_title()) == ("x (m)", "z (m)", "n = 50")
     np.testing.assert_array_equal(first.lines[1].get_xydata(), truth[:, [0, 2]] + 1)
     figure.canvas.draw()
+    assert not caplog.records  # matplotlib logs limits that it ignores
     assert first.get_xlim()[0] < 0 < 5 < first.get_xlim()[1] < 100  # the truth is in sight, what is astray is not
     assert -20 < first.get_ylim()[0] < 0 < 50 < first.get_ylim()[1] < 70
     assert [text.get_text() for text in second.get_legend().get_texts()] == ["true", "SIFT", "ORB"]
