@@ -20,7 +20,8 @@ def settings_of(config: DictConfig, data: ValidationDataModule) -> dict[str, int
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     plain: Any = OmegaConf.to_container(config, resolve=True)
     module = {name: value for name, value in plain["module"].items() if not isinstance(value, dict | None)}
-    weights = {name: value for name, value in module.items() if isinstance(value, int | float) and name != "points"}
+    numbers = {name: value for name, value in module.items() if isinstance(value, int | float)}
+    weights = {name: value for name, value in numbers.items() if name not in ("points", "compiled")}
     settings: dict[str, Any] = {
         "data": ", ".join(names[:NAMED]) + more,
         "inliers": _class_name(plain["inliers"]),

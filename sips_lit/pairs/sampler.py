@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -69,7 +70,7 @@ class PairSampler:
         ]
         self._ends = np.cumsum([count.frames for count in counts], dtype=np.int64)  # of all frames with a partner
         self.pair_count = sum(count.pairs for count in counts)
-        self._eligible: Recent[NDArray[np.int64]] = Recent(HELD, lambda frames: frames.nbytes)
+        self._eligible: Recent[NDArray[np.int64]] = Recent(HELD, attrgetter("nbytes"))
         if not self.pair_count:
             best = max(
                 (float(i.overlap(f).max(initial=0)) for i in map(_read, indexes) for f in range(len(i))), default=0

@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -52,7 +53,7 @@ class Catalogue:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.entries = folder, _read(folder / NAME)
-        self.tables: Recent[OverlapIndex] = Recent(HELD, lambda index: index.nbytes)
+        self.tables: Recent[OverlapIndex] = Recent(HELD, attrgetter("nbytes"))
         self._new: set[str] = set()
         self._saved = time.monotonic()
 

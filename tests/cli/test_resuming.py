@@ -22,6 +22,8 @@ STEPS = (  # so fast that it is best before its end
     "trainer.val_check_interval=2",
     "optim.optimizer.lr=0.1",
     "model.derivatives=false",
+    "model.octaves=1",
+    "module.selector.border=0",
     "~callbacks.pictures",
 )
 
