@@ -46,15 +46,15 @@ def test_points_are_those_of_the_detector(name, size):
     assert int(outputs[2][0]) == len(points)
     np.testing.assert_allclose(outputs[0][0, : len(points)], points.xy, atol=1e-3)
     np.testing.assert_allclose(outputs[1][0, : len(points)], points.score, atol=1e-5)
-    assert [bool(output[0]) for output in outputs[3:]] == [enough]
+    assert bool(outputs[3][0]) == enough
 
 
 def test_covariances_are_those_of_the_detector():
-    model, image = model_of("covariance"), textured((97, 131))
-    outputs = exported("covariance", "onnx")[1](image[None, None].astype(np.float32))
+    model, image = model_of("enough"), textured((97, 131))
+    outputs = exported("enough", "onnx")[1](image[None, None].astype(np.float32))
     points = SipsDetector(model.network, model.selector).within(image, model.budget)[0]
-    assert len(model.outputs) == len(outputs) == 4
-    np.testing.assert_allclose(outputs[3][0, : len(points)], points.covariance, rtol=1e-3)
+    assert len(model.outputs) == len(outputs) == 5
+    np.testing.assert_allclose(outputs[4][0, : len(points)], points.covariance, rtol=1e-3)
     assert np.ptp(points.covariance[:, 0, 0]) > 0.01
 
 

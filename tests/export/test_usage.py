@@ -13,7 +13,6 @@ from sips_lit.export.usage import usage
     ("name", "kind", "image_type"),
     [
         ("enough", "onnx", "float32"),
-        ("covariance", "onnx", "float32"),
         ("map", "onnx", "uint8"),
         ("enough", "openvino", "float32"),
         ("enough", "torch_export", "float32"),
@@ -35,5 +34,4 @@ def test_the_lines_give_the_detectors_points(name, kind, image_type, tmp_path, m
     points, _ = detector.within(textured((97, 131)), model.budget)
     np.testing.assert_allclose(names["xy"], points.xy, atol=1e-3)
     np.testing.assert_allclose(names["probability"], points.score, atol=1e-5)
-    if name == "covariance":
-        np.testing.assert_allclose(names["covariance"], points.covariance, rtol=1e-3)
+    np.testing.assert_allclose(names["covariance"], points.covariance, rtol=1e-3)

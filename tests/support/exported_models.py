@@ -26,7 +26,6 @@ from sips_lit.export.write import NEEDS, built
 RECALIBRATED = PointSelector(4, border=3, recalibration=Recalibration(3.0, 4.6, 0.3, 1.1))
 BUDGETS = {
     "best": Budget(60),
-    "covariance": Budget(60),
     "enough": Budget(k=4, threshold=0.35, confidence=0.7, n_max=15),
 }
 SIZES = [(120, 160), (97, 131), (1, 40), (5, 3), (2, 2), (1, 1)]
@@ -34,7 +33,7 @@ SIZES = [(120, 160), (97, 131), (1, 40), (5, 3), (2, 2), (1, 1)]
 
 
 def model_of(name: str) -> DenseMap | TopPoints:
-    network = tiny_network(derivatives=True, octaves=2, covariance=name == "covariance")
+    network = tiny_network(derivatives=True, octaves=2, covariance=name == "enough")
     if network.covariance_head is not None:
         torch.nn.init.normal_(network.covariance_head.weight, std=0.05, generator=torch.Generator().manual_seed(0))
     return DenseMap(network, RECALIBRATED) if name == "map" else TopPoints(network, RECALIBRATED, BUDGETS[name])
