@@ -144,7 +144,11 @@ def typed(config: DictConfig, options: type[Options]) -> Options:
     try:
         return cast(Options, OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(options), config)))
     except ValidationError as error:
-        raise BadInputError(f"{error.full_key} has a value of the wrong type: {str(error).splitlines()[0]}") from error
+        reason = str(error).splitlines()[0]
+        if "is not a ListConfig" in reason:
+            value = OmegaConf.select(config, str(error.full_key))
+            raise BadInputError(f"{error.full_key} is {value}: give a list in square brackets, [1,2]") from error
+        raise BadInputError(f"{error.full_key} has a value of the wrong type: {reason}") from error
 
 
 def register_resolvers() -> None:

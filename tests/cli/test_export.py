@@ -153,6 +153,7 @@ def test_points_of_one_of_several_scales(command, made, tmp_path):
         (["format=onnx", "points=true", "n=0"], "n is 0: an exported model needs at least one point"),
         (["format=onnx", "points=true", "nms_radius=-1"], "nms_radius is -1"),
         (["format=onnx", "image_type=float16"], "image_type is float16: give float32 or uint8"),
+        (["format=onnx", "size=640"], "size is 640: give a list in square brackets, [1,2]"),
         (["format=onnx", "size=[640]"], "size is [640]: give width and height of the images"),
         (["format=onnx", "size=[0,640]"], "size is [0, 640]: give width and height"),
         (["size=[640,480]"], "size=[640, 480] needs a program, not weights alone: give format=onnx"),

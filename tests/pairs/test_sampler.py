@@ -1,3 +1,4 @@
+import pickle
 from collections import Counter
 
 import numpy as np
@@ -58,6 +59,12 @@ def test_a_draw_depends_on_seed_epoch_and_index_only():
     assert [other.draw(2, i) for i in reversed(range(50))] == draws[::-1]
     assert [one.draw(3, i) for i in range(50)] != draws
     assert [PairSampler([FIRST, SECOND], 0.5, seed=8).draw(2, i) for i in range(50)] != draws
+
+
+def test_a_sampler_can_be_sent_to_a_worker_and_draws_there_the_same():
+    sampler = PairSampler([FIRST, SECOND], 0.5, seed=7)
+    sent = pickle.loads(pickle.dumps(sampler))
+    assert [sent.draw(0, i) for i in range(20)] == [sampler.draw(0, i) for i in range(20)]
 
 
 def test_global_random_state_is_neither_used_nor_changed():

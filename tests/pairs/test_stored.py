@@ -1,5 +1,6 @@
 import json
 import os
+import pickle
 
 import numpy as np
 import pytest
@@ -50,6 +51,7 @@ def test_an_index_is_read_from_its_file_and_held(tmp_path, loads):
     np.testing.assert_array_equal(index.read().motion, expected.motion)
     assert len(loads) == 1
     assert len(index) == 9
+    assert rows_of(pickle.loads(pickle.dumps(index)).read()) == rows_of(expected)  # as a worker gets it
 
 
 def test_counts_are_those_of_the_index_and_read_once_for_ever(tmp_path, loads):
