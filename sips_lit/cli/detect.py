@@ -38,6 +38,7 @@ class DetectOptions:
     nms_radius: int | None
     border: int | None
     octaves: int | None
+    corners: float | None
     scales: int | None
     subpixel: bool
     device: str
@@ -60,6 +61,7 @@ def detect(config: DictConfig) -> None:
         options.precision,
         options.border,
         options.octaves,
+        options.corners,
     )
     stream = open_stream(Path(options.input), "overlay" in kinds, options.names)
     folder, summary = Path(options.output), DetectionSummary()

@@ -43,6 +43,7 @@ class ExportOptions:
     nms_radius: int | None
     border: int | None
     octaves: int | None
+    corners: float | None
     scales: int | None
     subpixel: bool
 
@@ -118,6 +119,7 @@ def model_of(options: ExportOptions, budget: Budget) -> Exportable:
         scales=options.scales,
         border=options.border,
         octaves=options.octaves,
+        corners=options.corners,
     )
     if options.points:
         return TopPoints(detector.network, detector.selector, budget)

@@ -27,7 +27,7 @@ METADATA_KEY = "sips_lit"
 RECALIBRATION = "recalibration"
 PREFIX = "network."
 LEARNED = ("depth", "width", "leaky_slope", "scales", "scale_factor", "derivatives")  # what weights are learned for
-ARCHITECTURE = (*LEARNED, "octaves")  # of what gives the logits
+ARCHITECTURE = (*LEARNED, "octaves", "corners")  # of what gives the logits
 
 
 def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
@@ -80,7 +80,7 @@ def require_finite(network: ScoreNetwork, path: str | Path) -> None:
 
 
 def start_from(network: ScoreNetwork, path: str | Path) -> None:
-    """Gives a network the weights of a file of any octaves; a covariance head that only one has stays, or is left out.
+    """Gives a network the weights of a file of any octaves and corners; a covariance head that only one has stays, or is left out.
 
     Raises BadInputError where the file is of another network, or can't be used.
     """

@@ -17,7 +17,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from sips_lit.detect.derivatives import mixed_channels
-from sips_lit.detect.octaves import mean_over_octaves
+from sips_lit.detect.detection_logits import detection_logits
 from sips_lit.detect.score_network import ScoreNetwork
 
 WIDEST: Final = 8
@@ -64,7 +64,7 @@ def folded_logits(network: ScoreNetwork, image: Tensor) -> Tensor:
 
     Weights are folded anew each time, which takes 1 % of it, so they are those that the network has.
     """
-    return mean_over_octaves(partial(_octave, network), image, network.octaves)
+    return detection_logits(partial(_octave, network), image, network.octaves, network.corners)
 
 
 def _octave(network: ScoreNetwork, image: Tensor) -> Tensor:

@@ -13,8 +13,8 @@ import torch
 from torch import Tensor
 
 from sips_lit.detect.checkpoint import digest_of
+from sips_lit.detect.detection_logits import detection_logits
 from sips_lit.detect.folding import block_side, folded_logits, whole_blocks
-from sips_lit.detect.octaves import mean_over_octaves
 from sips_lit.detect.onnx_graph import EXTRA, onnx_graph
 from sips_lit.detect.openvino_package import openvino_core
 from sips_lit.detect.score_network import ScoreNetwork
@@ -97,11 +97,12 @@ class _Exported:
 
     def __init__(self, network: ScoreNetwork) -> None:
         self.scales, self.scale_factor = network.scales, network.scale_factor
-        self.octaves, self.side, self.model = network.octaves, block_side(network), onnx_graph(network)
+        self.octaves, self.corners = network.octaves, network.corners
+        self.side, self.model = block_side(network), onnx_graph(network)
 
     def __call__(self, image: Tensor) -> Tensor:
         """See `Scorer`."""
-        return mean_over_octaves(self._octave, image.detach().float(), self.octaves)
+        return detection_logits(self._octave, image.detach().float(), self.octaves, self.corners)
 
     def _octave(self, image: Tensor) -> Tensor:
         blocks = whole_blocks(image, self.side).contiguous().numpy()

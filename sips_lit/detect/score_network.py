@@ -11,13 +11,13 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from sips_lit.detect.derivatives import CHANNELS, derivative_channels, derivative_filters
-from sips_lit.detect.octaves import mean_over_octaves
+from sips_lit.detect.detection_logits import detection_logits
 
 Gradient = Literal["patches", "dense"]
 
 
 # a damaged checkpoint may ask for any number
-MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR, MOST_OCTAVES = 1000, 32, 16, 8
+MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR, MOST_OCTAVES, MOST_OF_CORNERS = 1000, 32, 16, 8, 10
 START_LOG_SIGMA = -1.0  # of an untrained covariance head: 0.37 pixels, about what sub-pixel points are off by
 COVARIANCE_NUMBERS = 3  # log sigma_x, log sigma_y, and the inverse hyperbolic tangent of their correlation
 
@@ -30,7 +30,8 @@ class ScoreNetwork(nn.Module):
     ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`). With
     ``derivatives`` the first layer gets `derivative_channels` instead of the grey image alone (the paper's), and the
     receptive field grows by a pixel to each side. With ``octaves > 1`` the logit of a call is the mean of those of the
-    image, of half of it, and so on (see `sips_lit.detect.octaves`); what it learns from is the logit of one octave. With
+    image, of half of it, and so on (see `sips_lit.detect.octaves`), and ``corners`` times how much of a corner the pixel is
+    is added (see `sips_lit.detect.corners`); what it learns from is the logit of one octave, without corners. With
     ``covariance`` a second last layer, ``covariance_head``, gives three numbers a pixel of which
     `sips_lit.detect.covariance` makes the covariance of a point's place; logits stay what they are.
 
@@ -50,6 +51,7 @@ class ScoreNetwork(nn.Module):
         scale_factor: float = math.sqrt(2),
         derivatives: bool = False,
         octaves: int = 1,
+        corners: float = 0.0,
         covariance: bool = False,
     ) -> None:
         super().__init__()
@@ -64,6 +66,8 @@ class ScoreNetwork(nn.Module):
             )
         if octaves not in range(1, MOST_OCTAVES + 1):
             raise ValueError(f"a score network sees 1 to {MOST_OCTAVES} octaves, not {octaves}")
+        if not 0 <= corners <= MOST_OF_CORNERS:
+            raise ValueError(f"corners weigh 0 to {MOST_OF_CORNERS}, not {corners}")
         self.config: dict[str, Any] = {
             "depth": depth,
             "width": width,
@@ -73,10 +77,12 @@ class ScoreNetwork(nn.Module):
             "scale_factor": scale_factor,
             "derivatives": derivatives,
             "octaves": octaves,
+            "corners": corners,
             "covariance": covariance,
         }
         self.derivatives = derivatives
         self.octaves = octaves
+        self.corners = corners
         self.radius = depth + int(derivatives)
         self.leaky_slope = leaky_slope
         self.scales = scales
@@ -102,22 +108,22 @@ class ScoreNetwork(nn.Module):
             if parameter.ndim == 4:  # channels last halves the time on a CPU
                 parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
 
-    def with_levels(self, scales: int | None = None, octaves: int | None = None) -> ScoreNetwork:
-        """A network of the same weights for a pyramid of ``scales``, or for ``octaves``; None: as many as it has.
+    def detecting_by(
+        self, scales: int | None = None, octaves: int | None = None, corners: float | None = None
+    ) -> ScoreNetwork:
+        """A network of the same weights with other ``scales``, ``octaves`` and ``corners``; None: those that it has.
 
         Raises ValueError for a number out of range.
         """
-        levels = {
-            "scales": self.scales if scales is None else scales,
-            "octaves": self.octaves if octaves is None else octaves,
-        }
-        network = ScoreNetwork(**{**self.config, **levels})
+        asked = {"scales": scales, "octaves": octaves, "corners": corners}
+        given = {name: value for name, value in asked.items() if value is not None}
+        network = ScoreNetwork(**{**self.config, **given})
         network.load_state_dict(self.state_dict())
         return network.train(self.training)
 
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W) with values 0 to 255."""
-        return mean_over_octaves(self.octave, image, self.octaves)
+        return detection_logits(self.octave, image, self.octaves, self.corners)
 
     def octave(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of images (B, 1, H, W), or of an octave of them, by themselves."""
@@ -191,7 +197,7 @@ class ScoreNetwork(nn.Module):
             hidden.append(self._hidden(self.pad(level)))
             return self._last(self.layers[-1], hidden[-1])
 
-        logits = mean_over_octaves(octave, image, self.octaves)
+        logits = detection_logits(octave, image, self.octaves, self.corners)
         return logits, self._last(self.covariance_head, hidden[0])
 
     def _windows(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:

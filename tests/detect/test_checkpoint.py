@@ -241,9 +241,9 @@ def test_a_network_starts_from_the_weights_of_another(tmp_path):
     assert digest_of(network) != digest_of(load_network(path))
     start_from(network, path)
     assert digest_of(network) == digest_of(load_network(path)) == digest_of(tiny_network(2))
-    of_two_octaves = tiny_network(1, octaves=2)
-    start_from(of_two_octaves, path)
-    assert digest_of(of_two_octaves) == digest_of(tiny_network(2, octaves=2))
+    detecting_otherwise = tiny_network(1, octaves=2, corners=0.5)
+    start_from(detecting_otherwise, path)
+    assert digest_of(detecting_otherwise) == digest_of(tiny_network(2, octaves=2, corners=0.5))
 
 
 @pytest.mark.parametrize("other", [{"scales": 2}, {"derivatives": True}, {"leaky_slope": 0.1}])
@@ -275,8 +275,9 @@ def test_a_digest_tells_the_weights_and_what_the_network_makes_of_them():
         digest_of(tiny_network(1)),
         digest_of(tiny_network(leaky_slope=0.1)),
         digest_of(tiny_network(octaves=2)),
+        digest_of(tiny_network(corners=0.5)),
     ]
-    assert len({*digests, digest_of(tiny_network())}) == 4
+    assert len({*digests, digest_of(tiny_network())}) == 5
 
 
 @pytest.mark.parametrize("suffix", [".ckpt", ".safetensors"])

@@ -276,7 +276,7 @@ def test_other_suppression_and_more_scales_than_the_checkpoint_has(tmp_path):
     same(SipsDetector.from_checkpoint(path, nms_radius=1)(GREY), tiny_detector(nms_radius=1)(GREY))
     several = SipsDetector.from_checkpoint(path, scales=3)(GREY)
     assert set(np.round(several.scale**2)) == {1, 2, 4}
-    same(several, SipsDetector(tiny_network().with_levels(scales=3), PointSelector(3))(GREY))
+    same(several, SipsDetector(tiny_network().detecting_by(scales=3), PointSelector(3))(GREY))
     same(
         SipsDetector.from_checkpoint(path, border=3)(GREY),
         SipsDetector(tiny_network(), PointSelector(3, border=3))(GREY),
@@ -284,12 +284,17 @@ def test_other_suppression_and_more_scales_than_the_checkpoint_has(tmp_path):
     two = SipsDetector.from_checkpoint(path, octaves=2)
     same(two(GREY), SipsDetector(tiny_network(octaves=2), PointSelector(3))(GREY))
     assert not np.array_equal(two(GREY).xy, SipsDetector.from_checkpoint(path)(GREY).xy)
+    cornered = SipsDetector.from_checkpoint(path, corners=2)
+    same(cornered(GREY), SipsDetector(tiny_network(corners=2.0), PointSelector(3))(GREY))
+    assert not np.array_equal(cornered(GREY).xy, SipsDetector.from_checkpoint(path)(GREY).xy)
     with pytest.raises(BadInputError, match="nms_radius is -1"):
         SipsDetector.from_checkpoint(path, nms_radius=-1)
     with pytest.raises(BadInputError, match="border is -1"):
         SipsDetector.from_checkpoint(path, border=-1)
     with pytest.raises(BadInputError, match="1 to 8 octaves, not 0"):
         SipsDetector.from_checkpoint(path, octaves=0)
+    with pytest.raises(BadInputError, match="corners weigh 0 to 10, not -1"):
+        SipsDetector.from_checkpoint(path, corners=-1)
     with pytest.raises(BadInputError, match="1 to 32 scales"):
         SipsDetector.from_checkpoint(path, scales=0)
 

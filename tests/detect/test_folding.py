@@ -32,7 +32,7 @@ def test_filters_of_a_grey_image_give_it_and_its_derivatives_exactly():
     assert torch.equal(F.pixel_shuffle(found, 2), expected)
 
 
-@pytest.mark.parametrize("options", [{"derivatives": True}, {"octaves": 2}, {"width": 2, "depth": 3}])
+@pytest.mark.parametrize("options", [{"derivatives": True}, {"octaves": 2, "corners": 0.5}, {"width": 2, "depth": 3}])
 @pytest.mark.parametrize("shape", [(1, 1, 97, 131), (2, 1, 60, 50), (1, 1, 5, 3), (1, 1, 1, 1)])
 def test_the_folded_network_is_the_network(options, shape):
     torch.manual_seed(0)

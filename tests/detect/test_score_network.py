@@ -4,6 +4,7 @@ import pytest
 import torch
 from torch import nn
 
+from sips_lit.detect.corners import corner_strength
 from sips_lit.detect.octaves import enlarged, halves
 from sips_lit.detect.score_network import ScoreNetwork
 
@@ -197,15 +198,15 @@ def test_the_interior_is_a_part_of_the_whole_map(derivatives, further):
     torch.testing.assert_close(net.interior(image, margin), net(image)[..., margin:-margin, margin:-margin])
 
 
-def test_a_call_sees_all_octaves_and_learning_one():
+def test_a_call_sees_all_octaves_and_corners_and_learning_one_octave():
     torch.manual_seed(0)
-    net, image = ScoreNetwork(4, 8, octaves=2), noise(21, 22)
+    net, image = ScoreNetwork(4, 8, octaves=2, corners=0.5), noise(21, 22)
     one = ScoreNetwork(4, 8)
     one.load_state_dict(net.state_dict())
     rows, columns = torch.tensor([0, 7, 20]), torch.tensor([21, 3, 0])
     (half,) = halves(image, 2)
     mean = (one(image) + enlarged(one(half), 1, (21, 22))) / 2
-    torch.testing.assert_close(net(image), mean, rtol=0, atol=0)
+    torch.testing.assert_close(net(image), mean + corner_strength(image) / 2, rtol=0, atol=0)
     assert (net(image) - one(image)).abs().max() > 1e-3
     for route in ("patches", "dense"):
         torch.testing.assert_close(net.at(image, rows, columns, route), one.at(image, rows, columns, route))
@@ -216,3 +217,9 @@ def test_a_call_sees_all_octaves_and_learning_one():
 def test_octaves_are_counted(octaves):
     with pytest.raises(ValueError, match=f"sees 1 to 8 octaves, not {octaves}"):
         ScoreNetwork(3, 4, octaves=octaves)
+
+
+@pytest.mark.parametrize("corners", [-0.1, 10.5, float("nan")])
+def test_corners_weigh_something(corners):
+    with pytest.raises(ValueError, match=f"corners weigh 0 to 10, not {corners}"):
+        ScoreNetwork(3, 4, corners=corners)

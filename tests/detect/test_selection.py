@@ -82,8 +82,8 @@ def test_as_many_points_as_asked_for_where_better_ones_are_in_the_border():
     np.testing.assert_array_equal(chosen.keypoints.xy, more.keypoints.xy[:10])
 
 
-def test_a_network_of_several_octaves_scores_one_to_learn():
-    net = ScoreNetwork(4, 8, octaves=2)
+def test_a_network_of_several_octaves_and_corners_scores_one_octave_to_learn():
+    net = ScoreNetwork(4, 8, octaves=2, corners=0.5)
     torch.testing.assert_close(OneOctave(net)(IMAGE), net.octave(IMAGE))
     assert (OneOctave(net)(IMAGE) - net(IMAGE)).abs().max() > 1e-3
     assert (OneOctave(net).scales, OneOctave(net).scale_factor) == (net.scales, net.scale_factor)

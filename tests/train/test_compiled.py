@@ -52,7 +52,7 @@ def test_a_compiled_run_learns_the_same_and_its_checkpoint_is_like_any_other(tmp
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"derivatives": True}, {"octaves": 2}], ids=["plain", "derivatives", "octaves"]
+    "options", [{}, {"derivatives": True}, {"octaves": 2, "corners": 0.5}], ids=["plain", "derivatives", "octaves"]
 )
 @pytest.mark.parametrize("gradient", ["patches", "dense"])
 def test_logits_and_gradients_are_those_of_the_network(backend, options, gradient):

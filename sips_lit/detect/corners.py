@@ -1,0 +1,39 @@
+"""How much of a corner there is around each pixel: a second opinion on points, which knows nothing of any training data.
+
+A network ranks textures that its training never showed as it happens to; where an image changes in both directions, points
+are found again anywhere (Shi and Tomasi 1994), and descriptors tell them from others. Where both agree, points are better
+than by either alone on kinds of data that training left out (our choice).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+CELL: Final = 4
+"""Side of the squares of pixels, in pixels, of which 3 x 3 make the window of a structure tensor."""
+
+USUAL: Final = 5.0
+"""Subtracted: about what the best points of a photograph have, so that it changes their order, and scores little."""
+
+
+def corner_strength(image: Tensor) -> Tensor:
+    """Strength (B, 1, H, W) float32 of grey images (B, 1, H, W), 0 to 255: log(1 + the smaller eigenvalue) - `USUAL`.
+
+    The eigenvalue, in squared grey values a pixel, is that of the structure tensor over 3 x 3 cells, linear between their
+    centres; without any texture it is 0, and noise of a grey value hardly more.
+    """
+    height, width = image.shape[-2:]
+    # on by more than a cell: the last one is whole, and no side is of one cell, which torch.export would take for a constant
+    image = F.pad(image.float(), (1, 2 * CELL, 1, 2 * CELL), mode="replicate")
+    dx = (image[..., 1:-1, 2:] - image[..., 1:-1, :-2]) / 2
+    dy = (image[..., 2:, 1:-1] - image[..., :-2, 1:-1]) / 2
+    cells = torch.cat([F.avg_pool2d(product, CELL) for product in (dx * dx, dy * dy, dx * dy)], 1)
+    xx, yy, xy = F.avg_pool2d(F.pad(cells, (1, 1, 1, 1), mode="replicate"), 3, 1).chunk(3, 1)
+    smaller = (xx + yy) / 2 - torch.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+    strength = torch.log1p(smaller.clamp(min=0)) - USUAL
+    fine = F.interpolate(strength, scale_factor=float(CELL), mode="bilinear", align_corners=False)
+    return fine[..., : height, :width]
