@@ -36,4 +36,4 @@ def corner_strength(image: Tensor) -> Tensor:
     smaller = (xx + yy) / 2 - torch.sqrt(((xx - yy) / 2) ** 2 + xy**2)
     strength = torch.log1p(smaller.clamp(min=0)) - USUAL
     fine = F.interpolate(strength, scale_factor=float(CELL), mode="bilinear", align_corners=False)
-    return fine[..., : height, :width]
+    return fine[..., :height, :width]

@@ -19,7 +19,9 @@ def cells_of(image: np.ndarray) -> np.ndarray:
         for column in range(1, columns - 1):
             window = np.s_[CELL * (row - 1) : CELL * (row + 2), CELL * (column - 1) : CELL * (column + 2)]
             x, y = dx[window].ravel(), dy[window].ravel()
-            strength[row, column] = np.log(1 + np.linalg.eigvalsh(np.array([[x @ x, x @ y], [x @ y, y @ y]]) / len(x))[0])
+            strength[row, column] = np.log(
+                1 + np.linalg.eigvalsh(np.array([[x @ x, x @ y], [x @ y, y @ y]]) / len(x))[0]
+            )
     return strength - USUAL
 
 
