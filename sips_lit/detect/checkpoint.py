@@ -80,7 +80,7 @@ def require_finite(network: ScoreNetwork, path: str | Path) -> None:
 
 
 def start_from(network: ScoreNetwork, path: str | Path) -> None:
-    """Gives a network the weights of a file of any octaves and corners; a covariance head of one alone stays, or is left out.
+    """Gives a network the weights of a file of any octaves and corners; a covariance head of one alone stays or goes.
 
     Raises BadInputError where the file is of another network, or can't be used.
     """
