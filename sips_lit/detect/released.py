@@ -11,8 +11,8 @@ from sips_lit.errors import BadInputError
 WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the files, each with its model card."""
 SHA256: Final = {
-    "sips-small": "d5b035bbeb238814327aa1a5fde4ef01fd187667f91adfec3dc90dda2db7176b",
-    "sips-tiny": "be092c8d05ebaa248d68d583f823ecb67c942b6fbd06d8399fa7cbb27bac0e98",
+    "sips-small": "aef4c96b08dd062592ab4d650a9ba0a247440b5b344e5368b956975f96259680",
+    "sips-tiny": "127a90a980dbb78e5444fc5205c6ecd0a48f08cb47b340dcf11cb4f89ca03926",
 }
 """Names, with the hash of ``<name>.safetensors``."""
 DEFAULT: Final = "sips-small"
