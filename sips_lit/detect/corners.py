@@ -33,7 +33,8 @@ def corner_strength(image: Tensor) -> Tensor:
     dy = (image[..., 2:, 1:-1] - image[..., :-2, 1:-1]) / 2
     cells = torch.cat([F.avg_pool2d(product, CELL) for product in (dx * dx, dy * dy, dx * dy)], 1)
     xx, yy, xy = F.avg_pool2d(F.pad(cells, (1, 1, 1, 1), mode="replicate"), 3, 1).chunk(3, 1)
-    smaller = (xx + yy) / 2 - torch.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-    strength = torch.log1p(smaller.clamp(min=0)) - USUAL
+    half = (xx - yy) / 2
+    smaller = (xx + yy) / 2 - torch.sqrt(half * half + xy * xy)
+    strength = torch.log1p(F.relu(smaller)) - USUAL  # rounding makes it negative
     fine = F.interpolate(strength, scale_factor=float(CELL), mode="bilinear", align_corners=False)
     return fine[..., :height, :width]
