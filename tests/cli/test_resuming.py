@@ -23,6 +23,7 @@ STEPS = (  # so fast that it is best before its end
     "optim.optimizer.lr=0.1",
     "model.derivatives=false",
     "model.octaves=1",
+    "model.corners=0",
     "module.selector.border=0",
     "~callbacks.pictures",
 )

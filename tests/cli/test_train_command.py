@@ -280,7 +280,7 @@ NO_INLIER = "inliers.threshold=1e-9"
     [
         ((NO_INLIER,), r"no validation pair has an inlier \(of the points .*too far"),
         (("module.selector.nms_radius=100",), r"no validation pair have more than \d points, and k = 10"),
-        (("k=39", "module.points=39"), r"no validation pair has k = 39 inliers .* the best has \d+: train longer"),
+        (("k=36", "module.points=36"), r"no validation pair has k = 36 inliers .* the best has \d+: train longer"),
     ],
 )
 def test_a_training_that_did_not_work_is_an_error_with_its_reason(command, frames, folders, without, why):
