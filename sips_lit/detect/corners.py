@@ -27,6 +27,7 @@ def corner_strength(image: Tensor) -> Tensor:
     centres; without any texture it is 0, and noise of a grey value hardly more.
     """
     height, width = image.shape[-2:]
+    # eigenvalues are small differences of large numbers: nothing here is rounded under autocast
     # on by more than a cell: the last one is whole, and no side is of one cell, which torch.export would take for a constant
     image = F.pad(image.float(), (1, 2 * CELL, 1, 2 * CELL), mode="replicate")
     dx = (image[..., 1:-1, 2:] - image[..., 1:-1, :-2]) / 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import torch
 from torch import Tensor
 
 from sips_lit.detect.corners import corner_strength
@@ -14,7 +13,4 @@ from sips_lit.detect.octaves import mean_over_octaves
 def detection_logits(logits_of: Callable[[Tensor], Tensor], image: Tensor, octaves: int, corners: float) -> Tensor:
     """Logits (B, 1, H, W) of images (B, 1, H, W): the mean over octaves, and ``corners`` times the strength as a corner."""
     logits = mean_over_octaves(logits_of, image, octaves)
-    if not corners:
-        return logits
-    with torch.autocast(image.device.type, enabled=False):  # eigenvalues are small differences of large numbers
-        return logits + corners * corner_strength(image)
+    return logits + corners * corner_strength(image) if corners else logits
