@@ -21,7 +21,7 @@ from tabulate import tabulate
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 
-DEFAULT = ["small", "small octaves=1", "small derivatives=false", "small scales=5", "tiny"]
+DEFAULT = ["small", "small octaves=1", "small corners=0", "small derivatives=false", "small scales=5", "tiny"]
 ROUNDS = 11
 
 

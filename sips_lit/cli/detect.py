@@ -54,14 +54,14 @@ def detect(config: DictConfig) -> None:
     detector = SipsDetector.from_checkpoint(
         options.checkpoint,
         choose_device(options.device),
-        options.subpixel,
-        options.nms_radius,
-        options.scales,
-        options.runtime,
-        options.precision,
-        options.border,
-        options.octaves,
-        options.corners,
+        subpixel=options.subpixel,
+        nms_radius=options.nms_radius,
+        border=options.border,
+        octaves=options.octaves,
+        corners=options.corners,
+        scales=options.scales,
+        runtime=options.runtime,
+        precision=options.precision,
     )
     stream = open_stream(Path(options.input), "overlay" in kinds, options.names)
     folder, summary = Path(options.output), DetectionSummary()

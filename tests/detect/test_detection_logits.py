@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 import torch
 import torch.nn.functional as F
 from textured_scenes import texture
@@ -17,9 +18,15 @@ def test_it_is_added_to_the_mean_over_octaves():
 
 
 def test_half_precision_does_not_reach_the_eigenvalues():
-    """Small differences of large numbers: in bfloat16 an edge would be a corner."""
-    image = np.zeros((60, 60), np.uint8)
-    image[:, 30:] = 255
+    """Small differences of large numbers: rounded to bfloat16, a slanted edge would be a corner here and there."""
+    rows, columns = np.mgrid[:60, :60]
+    edge = image_tensor(np.clip(128 + 40 * (columns - 30 + 0.37 * (rows - 30)), 0, 255).astype(np.uint8))
     with torch.autocast("cpu", torch.bfloat16):
-        found = detection_logits(lambda x: F.conv2d(x, torch.zeros(1, 1, 1, 1)), image_tensor(image), 1, 1.0)
-    assert found.max() < -USUAL + 1e-3
+        found = detection_logits(lambda x: F.conv2d(x, torch.zeros(1, 1, 1, 1)), edge, 1, 1.0)
+    torch.testing.assert_close(found, corner_strength(edge), rtol=0, atol=1e-4)
+    image = edge.double()[0, 0].numpy()
+    dy, dx = np.gradient(image)
+    window = np.s_[24:36, 24:36]
+    x, y = dx[window].ravel(), dy[window].ravel()
+    smaller = np.linalg.eigvalsh(np.array([[x @ x, x @ y], [x @ y, y @ y]]) / 144)[0]
+    assert found[0, 0, 29:31, 29:31].mean() == pytest.approx(np.log1p(smaller) - USUAL, abs=0.06)
