@@ -9,15 +9,14 @@ of ``tiny`` take 29 ms instead of 43 (one thread, 640 x 480). Our choice.
 from __future__ import annotations
 
 import math
-from functools import partial
+from collections.abc import Callable
 from typing import Final, cast
 
 import torch
 import torch.nn.functional as F
-from torch import Tensor, nn
+from torch import Tensor
 
 from sips_lit.detect.derivatives import mixed_channels
-from sips_lit.detect.detection_logits import detection_logits
 from sips_lit.detect.score_network import ScoreNetwork
 
 WIDEST: Final = 8
@@ -59,38 +58,35 @@ def whole_blocks(image: Tensor, side: int) -> Tensor:
     return F.pad(image, (0, -image.shape[-1] % side, 0, -image.shape[-2] % side), mode="replicate")
 
 
-def folded_logits(network: ScoreNetwork, image: Tensor) -> Tensor:
-    """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W), 0 to 255: the network's, but for the last digits.
+def folded_valid(network: ScoreNetwork) -> Callable[[Tensor], Tensor]:
+    """What `ScoreNetwork.valid` does, but for the last digits, on blocks where these are faster on a CPU.
 
-    Weights are folded anew each time, which takes 1 % of it, so they are those that the network has.
+    Of padded, scaled images (B, 1, H + 2 radius, W + 2 radius) whose H and W are whole blocks. The weights are those that
+    the network has now.
     """
-    return detection_logits(partial(_octave, network), image, network.octaves, network.corners)
-
-
-def _octave(network: ScoreNetwork, image: Tensor) -> Tensor:
-    """See `ScoreNetwork.octave`."""
     side = block_side(network)
-    x = _first_channels(network, image, side)
-    *hidden, last = cast("list[nn.Conv2d]", list(network.layers))
-    for layer in hidden:
-        x = F.leaky_relu(_on_blocks(layer, x, side), network.leaky_slope, inplace=not torch.is_grad_enabled())
-    with torch.autocast(x.device.type, enabled=False):  # equal logits would make the order of the points arbitrary
-        logits = F.pixel_shuffle(_on_blocks(last, x.float(), side), side)
-    return logits[..., : image.shape[-2], : image.shape[-1]].contiguous()
+    if side == 1:
+        return network.valid
+    weights = [folded_weight(cast(Tensor, layer.weight), side) for layer in network.layers]
+    weights = [weight.contiguous(memory_format=torch.channels_last) for weight in weights]
+    biases = [cast(Tensor, layer.bias).repeat_interleave(side**2) for layer in network.layers]
+
+    def valid(padded: Tensor) -> Tensor:
+        x = _first_channels(network, padded, side)
+        for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
+            x = F.leaky_relu(F.conv2d(x, weight, bias), network.leaky_slope, inplace=not torch.is_grad_enabled())
+        with torch.autocast(x.device.type, enabled=False):  # equal logits would make the order of the points arbitrary
+            return F.pixel_shuffle(F.conv2d(x.float(), weights[-1], biases[-1]), side)
+
+    return valid
 
 
-def _first_channels(network: ScoreNetwork, image: Tensor, side: int) -> Tensor:
+def _first_channels(network: ScoreNetwork, padded: Tensor, side: int) -> Tensor:
     """What the first layer sees, on blocks."""
-    x = network.pad(whole_blocks(image, side))
     if network.derivatives:
-        with torch.autocast(x.device.type, enabled=False):  # differences of rounded grey values are noise
-            filtered = F.conv2d(x.float(), folded_filters(cast(Tensor, network.filters), side), stride=side)
-            x = mixed_channels(*filtered.chunk(6, 1))
+        with torch.autocast(padded.device.type, enabled=False):  # differences of rounded grey values are noise
+            filters = folded_filters(cast(Tensor, network.filters), side)
+            x = mixed_channels(*F.conv2d(padded.float(), filters, stride=side).chunk(6, 1))
     else:
-        x = F.pixel_unshuffle(x, side)
+        x = F.pixel_unshuffle(padded, side)
     return x.contiguous(memory_format=torch.channels_last)
-
-
-def _on_blocks(layer: nn.Conv2d, x: Tensor, side: int) -> Tensor:
-    weight = folded_weight(layer.weight, side).contiguous(memory_format=torch.channels_last)
-    return F.conv2d(x, weight, cast(Tensor, layer.bias).repeat_interleave(side**2))

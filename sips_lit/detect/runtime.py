@@ -14,11 +14,12 @@ from torch import Tensor
 
 from sips_lit.detect.checkpoint import digest_of
 from sips_lit.detect.detection_logits import detection_logits
-from sips_lit.detect.folding import block_side, folded_logits, whole_blocks
+from sips_lit.detect.folding import block_side, whole_blocks
 from sips_lit.detect.onnx_graph import EXTRA, onnx_graph
 from sips_lit.detect.openvino_package import openvino_core
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import Scorer
+from sips_lit.detect.strips import logits_by_strips
 from sips_lit.errors import BadInputError, import_extra
 
 RuntimeName = Literal["torch", "onnxruntime", "openvino", "auto"]
@@ -73,7 +74,7 @@ def make_runtime(network: ScoreNetwork, name: str = "torch", precision: str | in
 
 
 class TorchRuntime:
-    """PyTorch, on the network's device; narrow networks on blocks of pixels where that is a CPU."""
+    """PyTorch, on the network's device; where that is a CPU by strips, and narrow networks on blocks of pixels."""
 
     name = "torch"
 
@@ -85,8 +86,8 @@ class TorchRuntime:
     def __call__(self, image: Tensor) -> Tensor:
         """See `Scorer`."""
         with torch.autocast(image.device.type, torch.bfloat16, enabled=self.bf16):
-            if image.device.type == "cpu" and block_side(self.network) > 1:
-                return folded_logits(self.network, image)
+            if image.device.type == "cpu":
+                return logits_by_strips(self.network, image)
             return self.network(image)  # type: ignore[no-any-return]
 
 

@@ -4,7 +4,7 @@ import torch
 import torch.nn.functional as F
 
 from sips_lit.detect.derivatives import derivative_filters
-from sips_lit.detect.folding import block_side, folded_filters, folded_logits, folded_weight, whole_blocks
+from sips_lit.detect.folding import block_side, folded_filters, folded_valid, folded_weight, whole_blocks
 from sips_lit.detect.score_network import ScoreNetwork
 
 
@@ -32,25 +32,17 @@ def test_filters_of_a_grey_image_give_it_and_its_derivatives_exactly():
     assert torch.equal(F.pixel_shuffle(found, 2), expected)
 
 
-@pytest.mark.parametrize("options", [{"derivatives": True}, {"octaves": 2, "corners": 0.5}, {"width": 2, "depth": 3}])
-@pytest.mark.parametrize("shape", [(1, 1, 97, 131), (2, 1, 60, 50), (1, 1, 5, 3), (1, 1, 1, 1)])
+@pytest.mark.parametrize("options", [{"derivatives": True}, {"width": 2, "depth": 3}, {"width": 10}])
+@pytest.mark.parametrize("shape", [(1, 1, 98, 130), (2, 1, 60, 50), (1, 1, 2, 2)])
 def test_the_folded_network_is_the_network(options, shape):
     torch.manual_seed(0)
-    network, image = ScoreNetwork(**{"depth": 6, "width": 8, **options}).eval(), random_image(*shape)
+    network = ScoreNetwork(**{"depth": 6, "width": 8, **options}).eval()
+    padded = network.pad(random_image(*shape))
     with torch.no_grad():
-        expected = network(image)
-        found = folded_logits(network, image)
-    assert expected.numel() == 1 or expected.std() > 1e-3
+        expected = network.valid(padded)
+        found = folded_valid(network)(padded)
+    assert expected.std() > 1e-3
     torch.testing.assert_close(found, expected, rtol=0, atol=1e-5)
-    assert found.is_contiguous()
-
-
-def test_the_weights_are_those_that_the_network_has_now():
-    network, image = ScoreNetwork(3, 4).eval(), random_image(1, 1, 9, 9)
-    with torch.no_grad():
-        before = folded_logits(network, image)
-        network.layers[-1].bias.add_(1)
-        torch.testing.assert_close(folded_logits(network, image), before + 1)
 
 
 def test_narrow_networks_are_folded():
