@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LRScheduler
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
-from sips_lit.detect.selection import PointSelector, logits_at
+from sips_lit.detect.selection import OneOctave, PointSelector, SelectedPoints, logits_at
 from sips_lit.errors import BadInputError
 from sips_lit.train.loader import LabelledPair
 from sips_lit.train.loss import consistency_loss, constant_loss, inlierness_loss, ranking_loss
 from sips_lit.train.score_module import ScoreModule
-from sips_lit.types import Reason
+from sips_lit.types import GreyImage, Reason
 
 
 class SipsModule(ScoreModule):
     """Trains a score network on labelled pairs; a step is one pair.
 
     ``consistency`` and ``ranking``: weights of `consistency_loss`, whose ``beta`` is ``consistency_beta``, and
-    `ranking_loss`, added to the inlierness loss (0: the paper's loss); ``gradient``: see `ScoreNetwork.at`; the others: see
-    `ScoreModule`. Raises BadInputError for a negative weight or ``beta``.
+    `ranking_loss`, added to the inlierness loss (0: the paper's loss); ``teacher_decay``: above 0, the points that are
+    labelled are selected by a teacher, whose weights are the exponential mean of the network's over the steps with that
+    decay (our choice); ``gradient``: see `ScoreNetwork.at`; the others: see `ScoreModule`. Raises BadInputError for a
+    negative weight or ``beta``, and for a decay that is not from 0 to less than 1.
     """
 
     def __init__(
@@ -37,10 +41,16 @@ class SipsModule(ScoreModule):
         consistency: float = 0.3,
         consistency_beta: float = 0.5,
         ranking: float = 30.0,
+        teacher_decay: float = 0.0,
         gradient: Gradient = "patches",
         compiled: bool = False,
     ) -> None:
+        if not 0 <= teacher_decay < 1:
+            raise BadInputError(f"teacher_decay of the module is {teacher_decay:g}: give 0, or more and less than 1")
+        # copied before it is compiled: the copy would call the network's own function
+        teacher = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(teacher_decay)) if teacher_decay else None
         super().__init__(network, selector, optimizer, scheduler, points, compiled)
+        self.teacher = None if teacher is None else teacher.requires_grad_(False)
         if min(consistency, consistency_beta, ranking) < 0:
             raise BadInputError(
                 "consistency, consistency_beta and ranking of the module can't be negative: they are "
@@ -48,6 +58,18 @@ class SipsModule(ScoreModule):
             )
         self.gradient = gradient
         self.consistency, self.consistency_beta, self.ranking = consistency, consistency_beta, ranking
+
+    def select_to_train(self, image: GreyImage) -> SelectedPoints:
+        """See `ScoreModule`: by the teacher where there is one."""
+        if self.teacher is None:
+            return super().select_to_train(image)
+        return self._select(self.selector.anywhere, OneOctave(self.teacher.module), image)
+
+    def optimizer_step(self, *args: Any, **kwargs: Any) -> None:
+        """The teacher follows the network at once: a checkpoint of the step holds both."""
+        super().optimizer_step(*args, **kwargs)
+        if self.teacher is not None:
+            self.teacher.update_parameters(self.network)
 
     def training_step(self, pair: LabelledPair, batch_idx: int) -> Tensor:
         """Summed loss over the points of both images, and over their matches."""

@@ -118,6 +118,16 @@ def test_averaged_weights_go_on_as_if_not_interrupted(tmp_path, frames):
         assert_equal_weights(tmp_path / "again", tmp_path / "whole", name)
 
 
+def test_a_teacher_goes_on_as_if_not_interrupted(whole, tmp_path, frames):
+    teacher = "module.teacher_decay=0.7"
+    auc = run_it(tmp_path / "whole", frames, *STEPS, teacher)
+    stopped = interrupted(tmp_path / "run", frames, 5, teacher)
+    assert run_it(tmp_path / "again", frames, *STEPS, teacher, f"ckpt_path={stopped}") == auc
+    assert_equal_weights(tmp_path / "again", tmp_path / "whole", "last")
+    with pytest.raises(AssertionError):  # other points were labelled
+        assert_equal_weights(tmp_path / "whole", whole[0], "last")
+
+
 def test_interrupted_twice_each_time_in_another_folder(whole, stopped, tmp_path, frames):
     shutil.copytree(stopped.parents[1], tmp_path / "a")
     second = interrupted(tmp_path / "b", frames, 6, f"ckpt_path={tmp_path}/a/checkpoints/last.ckpt")

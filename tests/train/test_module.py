@@ -1,7 +1,9 @@
+import contextlib
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
+import lightning as L
 import numpy as np
 import pytest
 import torch
@@ -172,6 +174,50 @@ def test_a_run_changes_the_weights_and_tells_where_inliers_come_from(tmp_path):
     assert sum(rates) == pytest.approx(1)
     assert watch.metrics["inlier_rate/data"] == watch.metrics["labels/inlier"] > 0.1
     assert 0 < watch.metrics["train/points"] <= 80
+
+
+class Weights(L.Callback):
+    """The last layer's bias after every step of the optimiser."""
+
+    def __init__(self) -> None:
+        self.biases: list[float] = []
+
+    def on_train_batch_end(self, trainer, pl_module, outputs, batch, batch_idx) -> None:
+        if trainer.global_step > len(self.biases):
+            self.biases.append(float(pl_module.network.layers[-1].bias))
+
+
+@pytest.mark.parametrize("pairs", [1, 2])
+def test_the_teacher_is_the_mean_of_the_weights_over_the_steps(tmp_path, pairs):
+    module, seen = make_module(teacher_decay=0.75), Weights()
+    fit(module, make_data(tmp_path), steps=4, callbacks=[seen], accumulate_grad_batches=pairs)
+    mean, *later = seen.biases
+    for bias in later:
+        mean = 0.75 * mean + 0.25 * bias
+    assert len(later) == 3
+    assert len(set(seen.biases)) == 4
+    assert float(module.teacher.module.layers[-1].bias) == pytest.approx(mean, abs=1e-6)
+
+
+def test_the_teacher_selects_what_is_labelled_and_the_network_what_counts():
+    module = make_module(teacher_decay=0.9)
+    module._trainer = SimpleNamespace(precision_plugin=SimpleNamespace(forward_context=contextlib.nullcontext))
+    image = texture(60, 80)
+    before = module.select(image).keypoints.xy
+    with torch.no_grad():
+        for weight in module.network.parameters():
+            weight.neg_()
+    np.testing.assert_array_equal(module.select_to_train(image).keypoints.xy, before)
+    assert not np.array_equal(module.select(image).keypoints.xy, before)
+    moved = list(module.trained)
+    assert len(moved) == len(list(module.network.parameters()))
+    assert all(weight.requires_grad for weight in moved)
+
+
+@pytest.mark.parametrize("decay", [-0.1, 1.0, float("nan")])
+def test_a_decay_is_from_0_to_less_than_1(decay):
+    with pytest.raises(BadInputError, match="teacher_decay of the module is"):
+        make_module(teacher_decay=decay)
 
 
 def test_bf16_runs(tmp_path):
