@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -48,7 +48,8 @@ class SipsModule(ScoreModule):
         if not 0 <= teacher_decay < 1:
             raise BadInputError(f"teacher_decay of the module is {teacher_decay:g}: give 0, or more and less than 1")
         # copied before it is compiled: the copy would call the network's own function
-        teacher = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(teacher_decay)) if teacher_decay else None
+        mean = get_ema_multi_avg_fn(teacher_decay)  # type: ignore[no-untyped-call]  # torch's
+        teacher = AveragedModel(network, multi_avg_fn=mean) if teacher_decay else None
         super().__init__(network, selector, optimizer, scheduler, points, compiled)
         self.teacher = None if teacher is None else teacher.requires_grad_(False)
         if min(consistency, consistency_beta, ranking) < 0:
@@ -63,7 +64,7 @@ class SipsModule(ScoreModule):
         """See `ScoreModule`: by the teacher where there is one."""
         if self.teacher is None:
             return super().select_to_train(image)
-        return self._select(self.selector.anywhere, OneOctave(self.teacher.module), image)
+        return self._select(self.selector.anywhere, OneOctave(cast(ScoreNetwork, self.teacher.module)), image)
 
     def optimizer_step(self, *args: Any, **kwargs: Any) -> None:
         """The teacher follows the network at once: a checkpoint of the step holds both."""
