@@ -12,6 +12,7 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup, escape
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from sips_lit.errors import BadInputError
@@ -26,7 +27,8 @@ def svg_of(figure: Figure) -> str:
     """The figure as SVG with real text, the same for the same figure."""
     text = io.StringIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "sips_lit"}):
-        figure.savefig(text, format="svg", metadata={"Date": None})
+        # savefig draws the figure twice, once only to lay it out
+        FigureCanvasSVG(figure).print_svg(text, metadata={"Date": None})  # type: ignore[no-untyped-call]  # as in render/figure.py
     return text.getvalue()
 
 
