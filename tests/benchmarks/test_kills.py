@@ -1,14 +1,13 @@
 import os
 import re
 import runpy
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
 import pytest
 import torch
 from cli_runs import ROOT
+from forked_commands import ForkedCommand
 
 SCRIPT = ROOT / "benchmarks" / "kills.py"
 SEED = 5  # its SIGTERM falls into a validation
@@ -49,15 +48,19 @@ def test_every_difference_is_found(differences, changes):
 
 
 @pytest.mark.slow
-def test_killed_runs_end_as_the_undisturbed_one():
+def test_killed_runs_end_as_the_undisturbed_one(tmp_path):
     """A small part of the trial of a hundred kills: one while a checkpoint is written, one SIGTERM, three SIGKILL."""
     shm, here = Path("/dev/shm"), Path(tempfile.gettempdir())  # not tmp_path: names of sockets must be short
     disks = here, shm if os.access(shm, os.W_OK) else here
-    command = [sys.executable, str(SCRIPT), "--kills", "5", "--seed", str(SEED), "--disks", *map(str, disks)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=500)
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    assert "5 kills\n" in ended.stdout
-    assert "1 SIGTERM in: validation" in ended.stdout
-    runs, equal = re.search(r"(\d+) runs ended, .* (\d+) are bit-equal", ended.stdout).groups()
+    given = "--kills", "5", "--seed", SEED, "--disks", *disks
+    trial = ForkedCommand(tmp_path, tmp_path / "log.txt", str(SCRIPT), *given)
+    try:
+        code = trial.wait(timeout=500)
+    finally:
+        trial.end()
+    out = trial.log.read_text()
+    assert code == 0, out
+    assert "5 kills\n" in out
+    assert "1 SIGTERM in: validation" in out
+    runs, equal = re.search(r"(\d+) runs ended, .* (\d+) are bit-equal", out).groups()
     assert runs == equal

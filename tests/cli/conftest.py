@@ -36,6 +36,13 @@ def checkpoint(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.fixture(autouse=True)
+def no_drawing(request, monkeypatch) -> None:
+    """Figures are made but not drawn, which takes a third of a tiny training, except in tests marked ``draws``."""
+    if request.node.get_closest_marker("draws") is None:
+        monkeypatch.setattr("matplotlib.figure.Figure.draw", lambda figure, renderer: None)
+
+
 @pytest.fixture
 def folders(tmp_path, monkeypatch) -> Path:
     """A place of its own for what commands write."""
@@ -80,8 +87,9 @@ def process(folders) -> Iterator[Callable[..., ForkedCommand]]:
     """``process("train", "data=folder", ...)`` starts a command in a process group of its own; ends it with the test."""
     started: list[ForkedCommand] = []
 
-    def start(name: str, *arguments: str) -> ForkedCommand:
-        started.append(ForkedCommand(folders, folders / f"process{len(started)}.log", name, *arguments))
+    def start(name: str, *arguments: str, ranks: int = 0) -> ForkedCommand:
+        log = folders / f"process{len(started)}.log"
+        started.append(ForkedCommand(folders, log, name, *arguments, ranks=ranks))
         return started[-1]
 
     yield start

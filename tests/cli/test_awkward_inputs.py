@@ -342,12 +342,6 @@ def test_every_kind_through_every_command(
     assert (KINDS[kind].shows or {}).get(name, "") in result.out
 
 
-@pytest.fixture(autouse=True)
-def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are tried elsewhere, and take most of the time of an evaluation."""
-    monkeypatch.setattr("matplotlib.figure.Figure.draw", lambda figure, renderer: None)
-
-
 DAMAGED = {
     "a checkpoint that is cut": lambda whole: whole[: len(whole) // 2],
     "a checkpoint that is text": lambda whole: b"no network at all",

@@ -37,6 +37,7 @@ def needed(folder) -> dict[str, list[str]]:
     return found
 
 
+@pytest.mark.draws
 def test_many_detectors(benchmark, folders, checkpoint):
     result = benchmark(
         "detectors=[sips,sift,superpoint,random]", f"checkpoint={checkpoint}", "pictures=true", "video_frames=2"

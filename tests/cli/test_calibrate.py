@@ -34,6 +34,7 @@ def calibrate(command, frames, mine, folders):
     return run
 
 
+@pytest.mark.draws
 def test_a_new_file_with_the_same_points_and_other_probabilities(calibrate, mine, frames, folders):
     before = mine.read_bytes()
     result = calibrate()

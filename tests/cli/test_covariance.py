@@ -49,6 +49,7 @@ def test_a_head_is_not_trained_with_scores(command, frames):
     assert "experiment=covariance" in refused.sentence
 
 
+@pytest.mark.draws
 def test_an_evaluation_tells_their_reliability(command, frames, folders, headed):
     given = "data=folder", f"data.path={frames}", "pairs=4", "k=4", "n_max=40", "n=30", "calibration=[30]", "workers=1"
     result = command("evaluate", f"checkpoint={headed}", *given, "pictures=false", f"hydra.run.dir={folders}/report")

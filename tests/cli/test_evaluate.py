@@ -34,6 +34,7 @@ def stored(folder) -> dict:
     return method
 
 
+@pytest.mark.draws
 def test_a_checkpoint(evaluate, folders, checkpoint):
     result = evaluate(f"checkpoint={checkpoint}")
     assert result.code == 0, result.err

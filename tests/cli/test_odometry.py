@@ -12,6 +12,7 @@ def desk(tmp_path_factory):
     return rgbd_files.write_simple(tmp_path_factory.mktemp("desk"))
 
 
+@pytest.mark.draws
 def test_a_trajectory_of_each_detector(command, desk, folders):
     result = command("odometry", "data=rgbd", f"data.path={desk}", *SMALL, "n=[30,100]", f"hydra.run.dir={folders}/run")
     assert result.code == 0, result.err

@@ -2,12 +2,9 @@
 
 import csv
 import json
-import os
-import subprocess
-import sys
 
 import pytest
-from cli_runs import ROOT, TINY
+from cli_runs import TINY
 
 CODE = """
 import cv2
@@ -92,37 +89,29 @@ MINE = ("hydra.searchpath=[pkg://my_points.conf]", "data=pan", "inliers=known_pa
 SMALL = ("pairs=4", "n_max=60", "n=20", "ks=[5]", "calibration=[20]", "pictures=false")
 
 
-@pytest.fixture(scope="module")
-def package(tmp_path_factory):
-    """A folder that holds the package my_points."""
-    folder = tmp_path_factory.mktemp("own")
+@pytest.fixture
+def package(folders):
+    """Puts the package my_points where the commands are started, and Python finds it."""
     for name in ("my_points", "my_points/conf"):
-        (folder / name).mkdir()
-        (folder / name / "__init__.py").touch()
-    (folder / "my_points" / "parts.py").write_text(CODE)
+        (folders / name).mkdir()
+        (folders / name / "__init__.py").touch()
+    (folders / "my_points" / "parts.py").write_text(CODE)
     for name, text in CONF.items():
-        path = folder / "my_points" / "conf" / f"{name}.yaml"
+        path = folders / "my_points" / "conf" / f"{name}.yaml"
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
-    return folder
 
 
 @pytest.fixture
-def run(package, tmp_path):
-    """Runs a command as a process, with the package on its path."""
+def run(package, process, tmp_path):
+    """Runs a command as a process."""
 
     def start(name, *arguments):
-        environment = {
-            **os.environ,
-            "PYTHONPATH": f"{package}{os.pathsep}{ROOT}",
-            "OMP_NUM_THREADS": "1",
-            "SIPS_LIT_DATA": str(tmp_path / "data"),
-            "SIPS_LIT_OUTPUTS": str(tmp_path / "outputs"),
-        }
-        command = [sys.executable, "-m", f"sips_lit.cli.{name}", *arguments, f"hydra.run.dir={tmp_path}/{name}"]
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr[-3000:]
-        return done.stdout
+        child = process(name, *arguments, f"hydra.run.dir={tmp_path}/{name}")
+        code = child.wait(timeout=300)
+        out = child.log.read_text()
+        assert code == 0, out[-3000:]
+        return out
 
     return start
 

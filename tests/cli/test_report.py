@@ -3,19 +3,22 @@ import json
 import pytest
 from benchmark_examples import NAMES, pair_set
 
-from sips_lit.report.files import write_report
+from sips_lit.report.stored import store_results
 
 
 @pytest.fixture
 def runs(tmp_path):
     """Folders of two runs: one of all methods, one of a single one."""
     whole = pair_set(NAMES[:2], 8, repeats=1)
-    write_report(tmp_path / "a run" / "x=1", [whole], {}, "2026-01-02", {"cores": "2"})
     single = whole.__class__(whole.key, whole.title, whole.protocol, whole.detectors[:1], {})
-    write_report(tmp_path / "second", [single], {}, "2026-01-03", {"cores": "2"})
-    return tmp_path / "a run" / "x=1", tmp_path / "second"
+    folders = tmp_path / "a run" / "x=1", tmp_path / "second"
+    for folder, result, date in zip(folders, (whole, single), ("2026-01-02", "2026-01-03"), strict=True):
+        folder.mkdir(parents=True)
+        store_results(folder / "results.json", [result], date, {"cores": "2"})
+    return folders
 
 
+@pytest.mark.draws
 def test_several_results_in_one_report(command, runs, tmp_path):
     first, second = runs
     output = tmp_path / "drawn"

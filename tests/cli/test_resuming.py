@@ -448,35 +448,3 @@ def test_a_record_names_the_keys_that_a_user_sets(tmp_path, frames):
     assert record["identity"]["frames"] == "abc"
     assert not any(key.endswith(("_workers", "index_folder")) for key in record["identity"])
     assert find_start(config, record) is None
-
-
-CRASH = """
-import lightning as L
-class CrashAt(L.Callback):
-    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx):
-        if trainer.global_step == 3:
-            raise RuntimeError("power cut")
-"""
-
-
-@pytest.mark.slow
-def test_two_processes_go_on_after_a_crash_as_if_there_was_none(process, frames, folders):
-    """Each with the points that it had selected ahead."""
-    two = "trainer.devices=2", "trainer.strategy=ddp", *STEPS, "trainer.max_steps=5"
-
-    def trained(run: str, *more: str) -> tuple[int, str]:
-        folder = f"hydra.run.dir={folders}/outputs/{run}"
-        child = process("train", *TINY, "data=folder", f"data.path={frames}", *two, folder, *more)
-        return child.wait(timeout=120), child.log.read_text()
-
-    code, out = trained("whole")
-    assert code == 0, out
-    (folders / "crash.py").write_text(CRASH)  # in the working folder, which Python looks into
-    code, out = trained("run", "+callbacks.crash._target_=crash.CrashAt")
-    assert code != 0
-    assert "power cut" in out
-    assert stored(folders / "outputs" / "run", "last")["global_step"] == 2
-    code, out = trained("again", f"ckpt_path={folders}/outputs/run/checkpoints/last.ckpt")
-    assert code == 0, out
-    for name in ("last", "best"):
-        assert_equal_weights(folders / "outputs" / "again", folders / "outputs" / "whole", name)

@@ -101,21 +101,35 @@ def descendants(pid: int) -> list[int]:
     return [*children, *(pid for child in children for pid in descendants(child))]
 
 
+CRASH = """
+import lightning as L
+class CrashAt(L.Callback):
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx):
+        if trainer.global_step == 23:
+            raise RuntimeError("power cut")
+"""
+
+
 @pytest.mark.slow
-def test_two_processes_are_one_run_which_a_sigterm_to_either_of_them_interrupts(process, frames, folders):
-    """Both stop, whichever gets it; and both go on to what two processes end with that nobody stopped, bit for bit."""
+def test_two_processes_are_one_run_which_a_sigterm_to_either_of_them_or_a_crash_interrupts(process, frames, folders):
+    """Both stop, whichever gets it; and both go on to what two processes end with that nobody stopped, bit for bit.
+
+    Each with the points that it had selected ahead.
+    """
     outputs = folders / "outputs"
     two = "trainer.devices=2", "trainer.strategy=ddp", "trainer.max_steps=30", "trainer.val_check_interval=20"
+    (folders / "crash.py").write_text(CRASH)  # in the working folder, which Python looks into
 
     def start(name: str, *more: str) -> ForkedCommand:
-        return process("train", *given(frames, *two, f"hydra.run.dir={outputs}/{name}", LINE_A_STEP, *more))
+        arguments = given(frames, *two, f"hydra.run.dir={outputs}/{name}", LINE_A_STEP, *more)
+        return process("train", *arguments, ranks=1)
 
     def stored(name: str, which: str = "last") -> dict:
         return torch.load(outputs / name / "checkpoints" / f"{which}.ckpt", weights_only=True)
 
     def stop(child: ForkedCommand, first: bool, step: int) -> None:
         read_until(child, f"step {step}/30,", seconds=120)
-        (second,) = (p for p in descendants(child.pid) if "train_ddp_process" in Path(f"/proc/{p}/cmdline").read_text())
+        (second,) = (p for p in descendants(child.pid) if "ddp_process" in Path(f"/proc/{p}/comm").read_text())
         os.kill(child.pid if first else second, signal.SIGTERM)
         code, out = ended(child)
         assert code == 143, out
@@ -131,7 +145,11 @@ def test_two_processes_are_one_run_which_a_sigterm_to_either_of_them_interrupts(
     events = [path.suffixes for path in outputs.rglob("events.out.tfevents*")]
     assert len({process for *_, process, _ in events}) == 1
     stop(start("run"), first=False, step=2)
-    stop(start("run", "ckpt_path=last"), first=True, step=10)
+    code, out = ended(start("run", "ckpt_path=last", "+callbacks.crash._target_=crash.CrashAt"), 120)
+    assert code != 0
+    assert "power cut" in out
+    assert stored("run")["global_step"] == 20
+    stop(start("run", "ckpt_path=last"), first=True, step=22)
     code, out = ended(start("run", "ckpt_path=last"), 120)
     assert code == 0, out
     for which in ("last", "best"):
@@ -487,7 +505,7 @@ def test_every_pair_validates_once_whatever_the_number_of_processes(
     same = "optim.optimizer.lr=0", "optim.scheduler=null", "trainer.max_steps=1", f"datamodule.val_pairs={pairs}", "k=3"
     assert command("train", *given(frames, *same, f"hydra.run.dir={one}")).code == 0
     ddp = f"trainer.devices={processes}", "trainer.strategy=ddp", f"hydra.run.dir={several}"
-    code, out = ended(process("train", *given(frames, *same, *ddp)), 90)
+    code, out = ended(process("train", *given(frames, *same, *ddp), ranks=processes - 1), 90)
     assert code == 0, out
     assert {"val/succinctness_auc", "val/ece", "val/mce", "val/brier"} <= validated(one).keys()
     assert 0 < validated(one)["val/succinctness_auc"] < 1
@@ -496,7 +514,10 @@ def test_every_pair_validates_once_whatever_the_number_of_processes(
 
 @pytest.mark.slow
 def test_two_processes_learn_what_one_does_that_takes_both_pairs_a_step(process, frames, folders):
-    """Gradients are averaged, over processes as over the pairs of a step; points are selected before the same steps."""
+    """Gradients are averaged, over processes as over the pairs of a step; points are selected before the same steps.
+
+    The second process is one that Lightning starts, as for a user.
+    """
     runs = {name: folders / name for name in ("one", "two", "single")}
     same = "trainer.max_steps=4", "trainer.val_check_interval=4", "trainer.precision=32-true", "optim.optimizer.lr=0.01"
     more = {
