@@ -31,8 +31,8 @@ def logits_by_strips(network: ScoreNetwork, image: Tensor) -> Tensor:
 
 def strip_rows(network: ScoreNetwork, height: int, width: int) -> int:
     """Rows of each strip but the last of an image (H, W): whole blocks, and strips of about the same size."""
-    most = max(STRIP_BYTES // (4 * network.config["width"] * width), RADII * network.radius)
-    side = block_side(network)
+    channels: int = network.config["width"]
+    most, side = max(STRIP_BYTES // (4 * channels * width), RADII * network.radius), block_side(network)
     return side * math.ceil(height / math.ceil(height / most) / side)
 
 

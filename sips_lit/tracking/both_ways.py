@@ -1,0 +1,115 @@
+"""Tracks in both directions of a video at less than half the cost of tracking twice: the way back retraces the way forth."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sips_lit.tracking.klt import KltTracker
+from sips_lit.types import GreyImage
+
+SMALL_MOTION: Final = 8.0
+"""Pixels a frame: faster points are searched through the pyramid, where a guess would find more than it does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """``ends`` (N, 2) in the last frame, NaN where lost; ``survived`` (N,) bool; ``moves`` (F - 1, N, 2) of each step."""
+
+    ends: NDArray[np.float32]
+    survived: NDArray[np.bool_]
+    moves: NDArray[np.float32]
+
+
+def follow(tracker: KltTracker, frames: Sequence[GreyImage], xy: NDArray[np.float32]) -> Tracks:
+    """Tracks N points (N, 2) of the first of F frames through all others.
+
+    As `KltTracker.track`, but the way back of each step is searched around its start, in the full image alone: a quarter of
+    the cost. It notices points that are hidden or drift, not one that another point resembles so much that either could be
+    meant.
+    """
+    alive, places = np.arange(len(xy)), np.ascontiguousarray(xy, np.float32)
+    moves = np.full((len(frames) - 1, len(xy), 2), np.nan, np.float32)
+    for move, (image0, image1) in zip(moves, itertools.pairwise(frames), strict=True):
+        reached, held = _step(tracker, image0, image1, places)
+        move[alive[held]] = (reached - places)[held]
+        alive, places = alive[held], reached[held]
+    return Tracks(*_of_all(len(xy), alive, places), moves)
+
+
+def retrace(
+    tracker: KltTracker, frames: Sequence[GreyImage], xy: NDArray[np.float32], moves: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Tracks N points (N, 2) of the first of F frames, each near the end of a track that came the other way (our choice).
+
+    ``moves`` (F - 1, N, 2) are those of these tracks, in the order in which they are now undone. A step starts where undoing
+    a move leads, in the full image alone, and holds if it ends within ``max_roundtrip`` pixels of that: it is the way back
+    of the other track's step. Other steps, and those of more than `SMALL_MOTION` pixels, are searched as those of `follow`
+    are. Returns the places in the last frame (N, 2), NaN where lost, and which survived every step (N,).
+    """
+    alive, places = np.arange(len(xy)), np.ascontiguousarray(xy, np.float32)
+    for (image0, image1), move in zip(itertools.pairwise(frames), moves, strict=True):
+        undone = places - move[alive]
+        slow = np.flatnonzero((move[alive] ** 2).sum(1) <= SMALL_MOTION**2)
+        reached, held = places.copy(), np.zeros(len(places), np.bool_)
+        reached[slow], found = _flow(tracker, image0, image1, places[slow], undone[slow])
+        held[slow] = found & _near(tracker, reached[slow], undone[slow]) & _inside(tracker, image1, reached[slow])
+        again = np.flatnonzero(~held)
+        reached[again], held[again] = _step(tracker, image0, image1, places[again])
+        alive, places = alive[held], reached[held]
+    return _of_all(len(xy), alive, places)
+
+
+def _step(
+    tracker: KltTracker, image0: GreyImage, image1: GreyImage, xy: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    reached, found = _flow(tracker, image0, image1, xy)
+    held = found & _inside(tracker, image1, reached)
+    back, found = _flow(tracker, image1, image0, reached[held], xy[held])
+    held[held] = found & _near(tracker, back, xy[held])
+    return reached, held
+
+
+def _flow(
+    tracker: KltTracker,
+    image0: GreyImage,
+    image1: GreyImage,
+    xy: NDArray[np.float32],
+    guess: NDArray[np.float32] | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where N points are in image 1, and which are found: from a guess in the full image, else through the pyramid."""
+    if not len(xy):
+        return xy.reshape(0, 2), np.zeros(0, np.bool_)
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, tracker.iterations, tracker.accuracy)
+    options: dict[str, Any] = {"winSize": (tracker.window, tracker.window), "criteria": stop}
+    if guess is None:
+        options |= {"maxLevel": tracker.max_level}
+    else:
+        options |= {"maxLevel": 0, "flags": cv2.OPTFLOW_USE_INITIAL_FLOW}
+    start: Any = None if guess is None else guess.copy()  # OpenCV writes what it finds there
+    reached, found, _ = cv2.calcOpticalFlowPyrLK(image0, image1, xy, start, **options)
+    return np.asarray(reached, np.float32), found.ravel() > 0
+
+
+def _near(tracker: KltTracker, xy: NDArray[np.float32], where: NDArray[np.float32]) -> NDArray[np.bool_]:
+    return np.asarray(((xy - where) ** 2).sum(1) <= tracker.max_roundtrip**2, np.bool_)
+
+
+def _inside(tracker: KltTracker, image: GreyImage, xy: NDArray[np.float32]) -> NDArray[np.bool_]:
+    high = np.array(image.shape[::-1], np.float32) - 1 - tracker.margin
+    return np.asarray(((xy >= tracker.margin) & (xy <= high)).all(1), np.bool_)
+
+
+def _of_all(
+    count: int, alive: NDArray[np.int64], places: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Ends and survival of all points, from the numbers and places of those that are alive."""
+    ends, survived = np.full((count, 2), np.nan, np.float32), np.zeros(count, np.bool_)
+    ends[alive], survived[alive] = places, True
+    return ends, survived
