@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any, Final, cast
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
@@ -31,13 +32,14 @@ def onnx_graph(network: ScoreNetwork) -> bytes:
     side, radius = block_side(network), network.radius
     x = graph.add("Div", graph.add("Sub", "image", graph.constant(np.float32(127))), graph.constant(np.float32(64)))
     x = graph.add("Pad", x, graph.constant(np.array([0, 0, radius, radius] * 2)), mode="edge")
+    first, *hidden, last = cast("list[nn.Conv2d]", list(network.layers))
     if network.derivatives:
-        x = _derivative_channels(graph, x, folded_filters(cast(Tensor, network.filters), side), side)
-    elif side > 1:
-        x = graph.add("SpaceToDepth", x, blocksize=side)
-    *hidden, last = cast("list[nn.Conv2d]", list(network.layers))
+        x = _first_layer_of_derivatives(graph, x, network, side)
+    else:
+        x = _layer(graph, graph.add("SpaceToDepth", x, blocksize=side) if side > 1 else x, first, side)
     for layer in hidden:
-        x = graph.add("LeakyRelu", _layer(graph, x, layer, side), alpha=network.leaky_slope)
+        x = _layer(graph, graph.add("LeakyRelu", x, alpha=network.leaky_slope), layer, side)
+    x = graph.add("LeakyRelu", x, alpha=network.leaky_slope)
     x = _layer(graph, x, last, side)
     if side > 1:
         x = graph.add("DepthToSpace", x, blocksize=side, mode="CRD")
@@ -75,20 +77,35 @@ class _Graph:
 
 def _layer(graph: _Graph, x: str, layer: nn.Conv2d, side: int) -> str:
     weight = folded_weight(layer.weight, side).detach().cpu().numpy()
-    bias = cast(Tensor, layer.bias).repeat_interleave(side**2).detach().cpu().numpy()
-    return graph.add("Conv", x, graph.constant(weight), graph.constant(bias))
+    return graph.add("Conv", x, graph.constant(weight), graph.constant(_bias(layer, side)))
 
 
-def _derivative_channels(graph: _Graph, x: str, filters: Tensor, side: int) -> str:
-    """See `sips_lit.detect.derivatives.mixed_channels`."""
+def _bias(layer: nn.Conv2d, side: int) -> NDArray[np.float32]:
+    bias: NDArray[np.float32] = cast(Tensor, layer.bias).repeat_interleave(side**2).detach().cpu().numpy()
+    return bias
 
-    def times(a: str, b: str) -> str:
-        return graph.add("Mul", a, b)
 
-    filtered = graph.add("Conv", x, graph.constant(filters.cpu().numpy()), strides=[side, side])
-    grey, dx, dy, dxx, dyy, dxy = graph.split("Split", 6, filtered, axis=1, num_outputs=6)
-    determinant = graph.add("Sub", times(dxx, dyy), times(dxy, dxy))
-    products = graph.add("Concat", times(dx, dx), times(dy, dy), times(dx, dy), determinant, axis=1)
-    one = graph.constant(np.float32(1))
-    logarithm = graph.add("Log", graph.add("Add", graph.add("Abs", products), one))
-    return graph.add("Concat", grey, dx, dy, times(graph.add("Sign", products), logarithm), axis=1)
+def _first_layer_of_derivatives(graph: _Graph, x: str, network: ScoreNetwork, side: int) -> str:
+    """The first layer on `sips_lit.detect.derivatives.mixed_channels`, without parts of tensors, which runtimes copy.
+
+    Each factor of the products is a convolution of its own, and the layer is the sum of two, of the linear channels and of
+    the products.
+    """
+    grey, dx, dy, dxx, dyy, dxy = folded_filters(cast(Tensor, network.filters), side).chunk(6)
+    none = torch.zeros_like(grey)
+
+    def filtered(*filters: Tensor) -> str:
+        return graph.add("Conv", x, graph.constant(torch.cat(filters).cpu().numpy()), strides=[side, side])
+
+    linear = filtered(grey, dx, dy)
+    ahead, behind, mixed = filtered(dx, dy, dx, dxx), filtered(dx, dy, dy, dyy), filtered(none, none, none, dxy)
+    products = graph.add("Sub", graph.add("Mul", ahead, behind), graph.add("Mul", mixed, mixed))
+    size = graph.add("Abs", products)
+    sign = graph.add("Div", products, graph.add("Max", size, graph.constant(np.float32(1e-30))))
+    logarithm = graph.add("Log", graph.add("Add", size, graph.constant(np.float32(1))))
+    layer = cast("nn.Conv2d", network.layers[0])
+    weight, linear_channels = folded_weight(layer.weight, side).detach().cpu().numpy(), 3 * side**2
+    weights = [graph.constant(weight[:, :linear_channels]), graph.constant(weight[:, linear_channels:])]
+    bias = graph.constant(_bias(layer, side))
+    first = graph.add("Conv", linear, weights[0], bias)
+    return graph.add("Add", graph.add("Conv", graph.add("Mul", sign, logarithm), weights[1]), first)

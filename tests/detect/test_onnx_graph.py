@@ -21,6 +21,14 @@ def test_the_graph_gives_the_logits_of_the_network(options, shape):
         np.testing.assert_allclose(logits, network(image).numpy(), atol=1e-5)
 
 
+def test_an_image_without_derivatives_has_logits():
+    torch.manual_seed(0)
+    network, image = ScoreNetwork(depth=3, width=8, derivatives=True).eval(), torch.full((1, 1, 10, 14), 77.0)
+    (logits,) = ReferenceEvaluator(onnx_graph(network)).run(["logits"], {"image": image.numpy()})
+    with torch.no_grad():
+        np.testing.assert_allclose(logits, network(image).numpy(), atol=1e-5)
+
+
 def test_the_graph_is_legal_and_takes_any_size():
     model = onnx.load_from_string(onnx_graph(ScoreNetwork(4, 8, derivatives=True)))
     onnx.checker.check_model(model, full_check=True)
