@@ -1,5 +1,5 @@
 // The probability of each pixel by OpenCV alone: sips-export checkpoint=sips-tiny format=onnx size=[640,480]
-// (OpenCV 4.6, say of Debian 12, needs the size of the images; of OpenCV 4.10 and 5 it may be left out)
+// (OpenCV 4, say of Debian 12, needs the size of the images; of OpenCV 5 it may be left out)
 //
 // g++ -O2 probability_map.cpp -o probability_map $(pkg-config --cflags --libs opencv4)
 // ./probability_map sips-tiny.onnx image.png map.png

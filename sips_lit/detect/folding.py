@@ -61,18 +61,19 @@ def whole_blocks(image: Tensor, side: int) -> Tensor:
 def folded_valid(network: ScoreNetwork) -> Callable[[Tensor], Tensor]:
     """What `ScoreNetwork.valid` does, but for the last digits, on blocks where these are faster on a CPU.
 
-    Of padded, scaled images (B, 1, H + 2 radius, W + 2 radius) whose H and W are whole blocks. The weights are those that
-    the network has now.
+    Of padded, scaled images (B, 1, H + 2 radius, W + 2 radius) whose H and W are whole blocks; a row or column more, less
+    than a block, changes nothing. The weights are those that the network has now.
     """
     side = block_side(network)
     if side == 1:
         return network.valid
+    first = _first_channels(network, side)
     weights = [folded_weight(cast(Tensor, layer.weight), side) for layer in network.layers]
     weights = [weight.contiguous(memory_format=torch.channels_last) for weight in weights]
     biases = [cast(Tensor, layer.bias).repeat_interleave(side**2) for layer in network.layers]
 
     def valid(padded: Tensor) -> Tensor:
-        x = _first_channels(network, padded, side)
+        x = first(padded)
         for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
             x = F.leaky_relu(F.conv2d(x, weight, bias), network.leaky_slope, inplace=not torch.is_grad_enabled())
         with torch.autocast(x.device.type, enabled=False):  # equal logits would make the order of the points arbitrary
@@ -81,12 +82,16 @@ def folded_valid(network: ScoreNetwork) -> Callable[[Tensor], Tensor]:
     return valid
 
 
-def _first_channels(network: ScoreNetwork, padded: Tensor, side: int) -> Tensor:
-    """What the first layer sees, on blocks."""
-    if network.derivatives:
+def _first_channels(network: ScoreNetwork, side: int) -> Callable[[Tensor], Tensor]:
+    """From a padded image to what the first layer sees, on blocks."""
+    if not network.derivatives:
+        pixels = torch.eye(side**2).view(side**2, 1, side, side)  # each of a block, as pixel_unshuffle, of any size
+        return lambda padded: F.conv2d(padded, pixels, stride=side).contiguous(memory_format=torch.channels_last)
+    filters = folded_filters(cast(Tensor, network.filters), side)
+
+    def channels(padded: Tensor) -> Tensor:
         with torch.autocast(padded.device.type, enabled=False):  # differences of rounded grey values are noise
-            filters = folded_filters(cast(Tensor, network.filters), side)
-            x = mixed_channels(*F.conv2d(padded.float(), filters, stride=side).chunk(6, 1))
-    else:
-        x = F.pixel_unshuffle(padded, side)
-    return x.contiguous(memory_format=torch.channels_last)
+            mixed = mixed_channels(*F.conv2d(padded.float(), filters, stride=side).chunk(6, 1))
+        return mixed.contiguous(memory_format=torch.channels_last)
+
+    return channels

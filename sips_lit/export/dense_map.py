@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from sips_lit.detect.recalibration import AS_TRAINED
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
+from sips_lit.export.logits import LogitsOfImage
 
 
 class DenseMap(nn.Module):
@@ -30,12 +31,12 @@ class DenseMap(nn.Module):
     def __init__(self, network: ScoreNetwork, selector: PointSelector) -> None:
         super().__init__()
         self.network = copy.deepcopy(network).cpu().requires_grad_(False)
-        self.selector = selector
+        self.selector, self.logits = selector, LogitsOfImage(self.network)
         self.eval()
 
     def forward(self, image: Tensor) -> tuple[Tensor]:
         """Map of images of any number type."""
-        logits = self.network(image.float())
+        logits = self.logits(image.float())
         if self.selector.recalibration != AS_TRAINED:
             logits = self.selector.recalibration.logits(logits)
         return (torch.sigmoid(logits),)

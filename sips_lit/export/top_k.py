@@ -14,6 +14,7 @@ from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
 from sips_lit.export.inlier_count import points_to_keep, recalibrated
+from sips_lit.export.logits import LogitsOfImage
 from sips_lit.export.peak_steps import best_pixels, fitted_offsets, peak_pixels
 
 
@@ -46,7 +47,7 @@ class TopPoints(nn.Module):
         if budget.candidates < 1:
             raise BadInputError("n is 0: an exported model needs at least one point")
         self.network = copy.deepcopy(network).cpu().requires_grad_(False)
-        self.selector, self.budget = selector, budget
+        self.selector, self.budget, self.logits = selector, budget, LogitsOfImage(self.network)
         self.eval()
 
     @property
@@ -60,7 +61,7 @@ class TopPoints(nn.Module):
         """Points of images (B, 1, H, W) of any number type."""
         numbers = None
         if self.network.covariance_head is None:
-            logits = self.network(image.float())[:, 0]
+            logits = self.logits(image.float())[:, 0]
         else:
             logits, numbers = self.network.logits_and_covariance_numbers(image.float())
             logits = logits[:, 0]
