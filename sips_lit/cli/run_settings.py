@@ -21,7 +21,7 @@ def settings_of(config: DictConfig, data: ValidationDataModule) -> dict[str, int
     plain: Any = OmegaConf.to_container(config, resolve=True)
     module = {name: value for name, value in plain["module"].items() if not isinstance(value, dict | None)}
     numbers = {name: value for name, value in module.items() if isinstance(value, int | float)}
-    weights = {name: value for name, value in numbers.items() if name not in ("points", "compiled")}
+    weights = {name: value for name, value in numbers.items() if name not in ("points", "compiled", "teacher_decay")}
     settings: dict[str, Any] = {
         "data": ", ".join(names[:NAMED]) + more,
         "inliers": _class_name(plain["inliers"]),
