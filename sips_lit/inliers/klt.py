@@ -45,8 +45,12 @@ class KltInliers(IndependentCheck):
         points, point_of_match = np.unique(matches.index0, return_inverse=True)
         ends, survived = self.tracker.track(frames, start.xy[points])
         residual = ends[point_of_match] - goal.xy[matches.index1]
+        return self._judged(residual, survived[point_of_match]), residual
+
+    def _judged(self, residual: NDArray[np.float32], survived: NDArray[np.bool_]) -> NDArray[np.uint8]:
+        """Reason (M,) of matches whose tracks, if they survived, end a residual (M, 2) away."""
         with np.errstate(invalid="ignore"):
             near = (residual**2).sum(1) <= self.threshold**2
         reason = np.where(near, Reason.INLIER, Reason.FAR).astype(np.uint8)
-        reason[~survived[point_of_match]] = Reason.LOST
-        return reason, residual
+        reason[~survived] = Reason.LOST
+        return reason

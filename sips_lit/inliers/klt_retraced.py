@@ -3,35 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sips_lit.inliers.independent import IndependentCheck
+from sips_lit.inliers.klt import KltInliers
 from sips_lit.tracking.both_ways import SMALL_MOTION, follow, retrace
-from sips_lit.tracking.klt import KltTracker
 from sips_lit.types import FramePair, Inliers, Keypoints, Matches, Reason
 
 
-@dataclass(frozen=True, slots=True)
-class RetracedKltInliers(IndependentCheck):
+class RetracedKltInliers(KltInliers):
     """As `KltInliers`, by `follow` and `retrace`: at least 0.995 of the labels are the same (`benchmarks/label_time.py`)."""
 
-    tracker: KltTracker = field(default_factory=KltTracker)
-    threshold: float = 3.0
-    uses_frames: ClassVar[bool] = True
+    __slots__ = ()
 
     @property
     def protocol(self) -> Mapping[str, Any]:
         """Method and thresholds."""
-        return {
-            "inliers": "klt_retraced",
-            "threshold": self.threshold,
-            "retraced_below": SMALL_MOTION,
-            **self.tracker.parameters,
-        }
+        return {**super().protocol, "inliers": "klt_retraced", "retraced_below": SMALL_MOTION}
 
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Every point is known to KLT: what can't be tracked is an outlier."""
@@ -48,11 +37,3 @@ class RetracedKltInliers(IndependentCheck):
         reason[forward] = self._judged(residual[forward, 1], survived)
         everything = (np.ones(len(keypoints0), np.bool_), np.ones(len(keypoints1), np.bool_))
         return Inliers(reason == Reason.INLIER, reason, *everything, residual)
-
-    def _judged(self, residual: NDArray[np.float32], survived: NDArray[np.bool_]) -> NDArray[np.uint8]:
-        """Reason (M,) of matches whose tracks, if they survived, end a residual (M, 2) away."""
-        with np.errstate(invalid="ignore"):
-            near = (residual**2).sum(1) <= self.threshold**2
-        reason = np.where(near, Reason.INLIER, Reason.FAR).astype(np.uint8)
-        reason[~survived] = Reason.LOST
-        return reason
