@@ -31,7 +31,7 @@ ROUNDS, POINTS = 7, 500
 def step(network: ScoreNetwork, images: list[Tensor]) -> None:
     with torch.autocast(DEVICE.type, torch.bfloat16, enabled=DEVICE.type == "cuda"):
         points = [PointSelector().select(network, image, POINTS) for image in images]
-        logits = [logits_at(network, image, found, "patches") for image, found in zip(images, points, strict=True)]
+        logits = logits_at(network, images, points, "patches")
         loss = F.softplus(torch.cat(logits)).sum()
     network.zero_grad()
     loss.backward()

@@ -96,9 +96,9 @@ class Network:
     def step(self, pair: LabelledPair) -> None:
         """Forward, backward and optimiser at the points of a pair."""
         if self.learns:
-            sides = (pair.image0, pair.points0, pair.labels0), (pair.image1, pair.points1, pair.labels1)
-            logits = [logits_at(self.network, image, points, "patches") for image, points, _ in sides]
-            wanted = torch.from_numpy(np.concatenate([labels.share for _, _, labels in sides]))
+            images, points = (pair.image0, pair.image1), (pair.points0, pair.points1)
+            logits = logits_at(self.network, images, points, "patches")
+            wanted = torch.from_numpy(np.concatenate([pair.labels0.share, pair.labels1.share]))
             self.optimizer.zero_grad()
             torch.nn.functional.binary_cross_entropy_with_logits(torch.cat(logits), wanted).backward()
             self.optimizer.step()

@@ -60,7 +60,7 @@ def network_time(network: ScoreNetwork, film: Film, gradient: Gradient, repeats:
     def step(_: int) -> None:
         with autocast:
             points = [selector.select(network, image, POINTS) for image in images]
-            logits = [logits_at(network, image, p, gradient) for image, p in zip(images, points, strict=True)]
+            logits = logits_at(network, images, points, gradient)
             loss = torch.nn.functional.softplus(torch.cat(logits)).sum()
         optimizer.zero_grad()
         loss.backward()

@@ -22,6 +22,7 @@ OTHER_WORDS: Final = {
     "epochs": "trainer.max_steps",
     "max_epochs": "trainer.max_steps",
     "batch_size": "trainer.accumulate_grad_batches",
+    "pairs_per_step": "trainer.accumulate_grad_batches",
     "gpus": "trainer.devices",
     "checkpoint": "init",  # where no key is called so
     "resume": "ckpt_path",

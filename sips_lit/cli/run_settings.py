@@ -11,6 +11,8 @@ from sips_lit.train.validation_data import ValidationDataModule
 
 NAMED: Final = 3
 """Sequences or sources that are named."""
+NO_WEIGHTS: Final = frozenset({"points", "compiled", "teacher_decay", "pairs_at_once"})
+"""Numbers of a module that weigh no term of its loss."""
 
 
 def settings_of(config: DictConfig, data: ValidationDataModule) -> dict[str, int | float | str]:
@@ -21,7 +23,7 @@ def settings_of(config: DictConfig, data: ValidationDataModule) -> dict[str, int
     plain: Any = OmegaConf.to_container(config, resolve=True)
     module = {name: value for name, value in plain["module"].items() if not isinstance(value, dict | None)}
     numbers = {name: value for name, value in module.items() if isinstance(value, int | float)}
-    weights = {name: value for name, value in numbers.items() if name not in ("points", "compiled", "teacher_decay")}
+    weights = {name: value for name, value in numbers.items() if name not in NO_WEIGHTS}
     settings: dict[str, Any] = {
         "data": ", ".join(names[:NAMED]) + more,
         "inliers": _class_name(plain["inliers"]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import Any, Literal, cast
 
 import torch
@@ -14,6 +15,8 @@ from sips_lit.detect.derivatives import CHANNELS, derivative_channels, derivativ
 from sips_lit.detect.detection_logits import detection_logits
 
 Gradient = Literal["patches", "dense"]
+Places = tuple[Tensor, Tensor]
+"""Rows (N,) and columns (N,) of pixels."""
 
 
 # a damaged checkpoint may ask for any number
@@ -163,15 +166,22 @@ class ScoreNetwork(nn.Module):
             output: Tensor = layer(hidden.float())
         return output
 
-    def at(self, image: Tensor, rows: Tensor, columns: Tensor, gradient: Gradient) -> Tensor:
-        """Logits (N,), of one octave, at N pixels of one image (1, 1, H, W), differentiable, by the route ``gradient``.
+    def at(self, images: Sequence[Tensor], places: Sequence[Places], gradient: Gradient) -> list[Tensor]:
+        """Logits (N,), of one octave, at N pixels of each image (1, 1, H, W), differentiable, by the route ``gradient``.
 
-        ``dense`` evaluates the whole image and gathers; ``patches`` evaluates the receptive field of each pixel only.
-        Both give the same logits and gradients; which is faster depends on the network, the image and the machine.
+        ``dense`` evaluates whole images, those of one size together, and gathers; ``patches`` evaluates the receptive fields
+        of all pixels together. Both give the same logits and gradients; which is faster depends on the network, the image
+        and the machine.
         """
         if gradient == "dense":
-            return self.octave(image)[0, 0][rows, columns]
-        return self.valid(self._windows(image, rows, columns)).flatten()
+            maps: dict[int, Tensor] = {}
+            by_size = sorted(range(len(images)), key=lambda i: images[i].shape)
+            for _, same in itertools.groupby(by_size, key=lambda i: images[i].shape):
+                order = list(same)
+                maps |= dict(zip(order, self.octave(torch.cat([images[i] for i in order])), strict=True))
+            return [maps[i][0][at] for i, at in enumerate(places)]
+        windows = [self._windows(image, *at) for image, at in zip(images, places, strict=True)]
+        return list(torch.split(self.valid(torch.cat(windows)).flatten(), [len(of_image) for of_image in windows]))
 
     def covariance_numbers(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
         """Outputs (N, 3) of the covariance head at N pixels of one image (1, 1, H, W), by their receptive fields.

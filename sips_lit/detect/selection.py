@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -13,7 +14,7 @@ from torch import Tensor
 
 from sips_lit.detect.peaks import local_maxima, quadratic_offsets
 from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
-from sips_lit.detect.score_network import Gradient, ScoreNetwork
+from sips_lit.detect.score_network import Gradient, Places, ScoreNetwork
 from sips_lit.detect.steps import step
 from sips_lit.errors import BadInputError
 from sips_lit.types import FloatArray, GreyImage, Keypoints
@@ -202,14 +203,30 @@ def suppress_across_levels(
     return kept[:count]
 
 
-def logits_at(network: ScoreNetwork, image: Tensor, points: SelectedPoints, gradient: Gradient) -> Tensor:
-    """Logits (N,) of the selected points of one image (1, 1, H, W), differentiable, in the order of the points."""
-    levels = image_pyramid(image, network.scales, network.scale_factor)
-    logits = image.new_zeros(len(points))
-    for index in np.unique(points.level):
-        here = np.flatnonzero(points.level == index)
-        rows, columns = (torch.from_numpy(place[here]).to(image.device) for place in (points.row, points.column))
-        logits[torch.from_numpy(here).to(image.device)] = network.at(levels[index], rows, columns, gradient)
+def logits_at(
+    network: ScoreNetwork, images: Sequence[Tensor], points: Sequence[SelectedPoints], gradient: Gradient
+) -> list[Tensor]:
+    """Logits (N,) of the selected points of each image (1, 1, H, W), differentiable, in the order of the points.
+
+    The network sees all images at once (see `ScoreNetwork.at`).
+    """
+    levels: list[Tensor] = []
+    places: list[Places] = []
+    parts: list[tuple[int, Tensor]] = []  # image, and which of its points
+    for index, (image, selected) in enumerate(zip(images, points, strict=True)):
+        pyramid = image_pyramid(image, network.scales, network.scale_factor)
+        for level in np.unique(selected.level):
+            here = np.flatnonzero(selected.level == level)
+            rows, columns, at = (
+                torch.from_numpy(a).to(image.device) for a in (selected.row[here], selected.column[here], here)
+            )
+            levels.append(pyramid[level])
+            places.append((rows, columns))
+            parts.append((index, at))
+    logits = [image.new_zeros(len(selected)) for image, selected in zip(images, points, strict=True)]
+    if levels:
+        for (index, at), of_part in zip(parts, network.at(levels, places, gradient), strict=True):
+            logits[index][at] = of_part
     return logits
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LRScheduler
@@ -21,14 +22,23 @@ from sips_lit.train.score_module import ScoreModule
 from sips_lit.types import GreyImage, Reason
 
 
+class _Loss(NamedTuple):
+    """Of a pair: what is minimised, and what is told of it."""
+
+    total: Tensor
+    told: dict[str, Tensor]
+
+
 class SipsModule(ScoreModule):
-    """Trains a score network on labelled pairs; a step is one pair.
+    """Trains a score network on labelled pairs, ``accumulate_grad_batches`` of the trainer a step.
 
     ``consistency`` and ``ranking``: weights of `consistency_loss`, whose ``beta`` is ``consistency_beta``, and
     `ranking_loss`, added to the inlierness loss (0: the paper's loss); ``teacher_decay``: above 0, the points that are
     labelled are selected by a teacher, whose weights are the exponential mean of the network's over the steps with that
-    decay (our choice); ``gradient``: see `ScoreNetwork.at`; the others: see `ScoreModule`. Raises BadInputError for a
-    negative weight or ``beta``, and for a decay that is not from 0 to less than 1.
+    decay (our choice); ``gradient``: see `ScoreNetwork.at`; ``pairs_at_once``: how many pairs of a step the network sees
+    together, whose activations are in memory together, too; the others: see `ScoreModule`. Raises BadInputError for a
+    negative weight or ``beta``, for a decay that is not from 0 to less than 1, for ``pairs_at_once`` below 1, and at the
+    start of a run whose steps have fewer pairs.
     """
 
     def __init__(
@@ -43,6 +53,7 @@ class SipsModule(ScoreModule):
         ranking: float = 30.0,
         teacher_decay: float = 0.0,
         gradient: Gradient = "patches",
+        pairs_at_once: int = 1,
         compiled: bool = False,
     ) -> None:
         if not 0 <= teacher_decay < 1:
@@ -57,7 +68,10 @@ class SipsModule(ScoreModule):
                 "consistency, consistency_beta and ranking of the module can't be negative: they are "
                 f"{consistency:g}, {consistency_beta:g} and {ranking:g}"
             )
-        self.gradient = gradient
+        if pairs_at_once < 1:
+            raise BadInputError(f"pairs_at_once of the module counts pairs, from 1, and is {pairs_at_once}")
+        self.gradient, self.pairs_at_once = gradient, pairs_at_once
+        self._held: list[LabelledPair] = []
         self.consistency, self.consistency_beta, self.ranking = consistency, consistency_beta, ranking
 
     def select_to_train(self, image: GreyImage) -> SelectedPoints:
@@ -72,34 +86,66 @@ class SipsModule(ScoreModule):
         if self.teacher is not None:
             self.teacher.update_parameters(self.network)
 
+    def on_fit_start(self) -> None:
+        """Raises BadInputError where a step has fewer pairs than the network is to see at once."""
+        pairs = self.trainer.accumulate_grad_batches
+        if self.pairs_at_once > pairs:
+            raise BadInputError(
+                f"module.pairs_at_once is {self.pairs_at_once}, but a step has trainer.accumulate_grad_batches={pairs} "
+                "pairs: lower the one or raise the other"
+            )
+
     def training_step(self, pair: LabelledPair, batch_idx: int) -> Tensor:
-        """Summed loss over the points of both images, and over their matches."""
-        sides = (pair.image0, pair.points0, pair.labels0), (pair.image1, pair.points1, pair.labels1)
-        logits = [logits_at(self.network, image, points, self.gradient) for image, points, _ in sides]
-        loss = torch.zeros((), device=self.device)
-        for of_side, (_, _, labels) in zip(logits, sides, strict=True):
+        """Summed loss over the points of both images, and over their matches, of the pairs that the network sees at once.
+
+        A pair that others of its step are waited for with has a loss of 0; its own is in the sum of theirs.
+        """
+        self._log_labels(pair)
+        self._held.append(pair)
+        if len(self._held) < self.pairs_at_once and (batch_idx + 1) % self.trainer.accumulate_grad_batches:
+            return torch.zeros((), device=self.device, requires_grad=True)
+        pairs, self._held = self._held, []
+        images = [image for held in pairs for image in (held.image0, held.image1)]
+        points = [of_image for held in pairs for of_image in (held.points0, held.points1)]
+        logits = logits_at(self.network, images, points, self.gradient)
+        losses = [self._loss(*sides) for sides in zip(pairs, logits[::2], logits[1::2], strict=True)]
+        for name in losses[0].told:
+            mean = torch.stack([loss.told[name] for loss in losses]).mean()
+            self.log(f"train/{name}", mean, prog_bar=name == "loss", batch_size=1)
+        return torch.stack([loss.total for loss in losses]).sum()
+
+    def _loss(self, pair: LabelledPair, logits0: Tensor, logits1: Tensor) -> _Loss:
+        inlierness = torch.zeros((), device=self.device)
+        for of_side, labels in ((logits0, pair.labels0), (logits1, pair.labels1)):
             share, known = (torch.from_numpy(a).to(of_side.device) for a in (labels.share, labels.known))
-            loss = loss + inlierness_loss(of_side, share, known)
-        self._log_labels(pair, loss)
+            inlierness = inlierness + inlierness_loss(of_side, share, known)
         index0, index1, last = (
             torch.from_numpy(a).to(self.device) for a in (pair.inliers.index0, pair.inliers.index1, pair.inliers.last)
         )
-        difference = consistency_loss(logits[0][index0], logits[1][index1], self.consistency_beta)
-        shortfall = ranking_loss(logits[0], logits[1], index0, index1, last)
-        self.log("train/consistency", difference.detach() / max(1, len(index0)), batch_size=1)
-        self.log("train/shortfall", shortfall.detach(), batch_size=1)
-        return loss + self.consistency * difference + self.ranking * shortfall
+        difference = consistency_loss(logits0[index0], logits1[index1], self.consistency_beta)
+        shortfall = ranking_loss(logits0, logits1, index0, index1, last)
+        reason = _known_reasons(pair)
+        mean = inlierness.detach() / max(1, len(reason))
+        told = {
+            "loss": mean,
+            "excess_loss": mean - constant_loss(float((reason == Reason.INLIER).sum()) / max(1, len(reason))),
+            "consistency": difference.detach() / max(1, len(index0)),
+            "shortfall": shortfall.detach(),
+        }
+        return _Loss(inlierness + self.consistency * difference + self.ranking * shortfall, told)
 
-    def _log_labels(self, pair: LabelledPair, loss: Tensor) -> None:
-        known = np.concatenate([pair.labels0.known, pair.labels1.known])
-        reason = np.concatenate([pair.labels0.reason, pair.labels1.reason])[known]
+    def _log_labels(self, pair: LabelledPair) -> None:
+        reason = _known_reasons(pair)
         count = max(1, len(reason))
         rates = {f"labels/{r.name.lower()}": float((reason == r).sum() / count) for r in Reason if r != Reason.UNKNOWN}
         source = self.data.sources[pair.source].name
         self.log_dict({**rates, f"inlier_rate/{source}": rates["labels/inlier"]}, batch_size=1)
-        self.log("train/points", float(len(known)), batch_size=1)
+        self.log("train/points", float(len(pair.points0) + len(pair.points1)), batch_size=1)
         self.log("data/skipped_pairs", float(pair.skipped), batch_size=1)
-        mean_loss = loss.detach() / count
-        self.log("train/loss", mean_loss, prog_bar=True, batch_size=1)
-        self.log("train/excess_loss", mean_loss - constant_loss(rates["labels/inlier"]), batch_size=1)
         self.log("inliers", rates["labels/inlier"], prog_bar=True, logger=False, batch_size=1)
+
+
+def _known_reasons(pair: LabelledPair) -> NDArray[np.uint8]:
+    known = np.concatenate([pair.labels0.known, pair.labels1.known])
+    reasons: NDArray[np.uint8] = np.concatenate([pair.labels0.reason, pair.labels1.reason])[known]
+    return reasons

@@ -513,16 +513,22 @@ def test_every_pair_validates_once_whatever_the_number_of_processes(
 
 
 @pytest.mark.slow
-def test_two_processes_learn_what_one_does_that_takes_both_pairs_a_step(process, frames, folders):
+def test_two_processes_learn_what_one_does_that_takes_the_pairs_of_both_a_step(process, frames, folders):
     """Gradients are averaged, over processes as over the pairs of a step; points are selected before the same steps.
 
-    The second process is one that Lightning starts, as for a user.
+    In the processes the network sees the pairs of a step at once, in the single one each by itself. The second process is
+    one that Lightning starts, as for a user.
     """
     runs = {name: folders / name for name in ("one", "two", "single")}
     same = "trainer.max_steps=4", "trainer.val_check_interval=4", "trainer.precision=32-true", "optim.optimizer.lr=0.01"
     more = {
-        "one": ["trainer.accumulate_grad_batches=2"],
-        "two": ["trainer.devices=2", "trainer.strategy=ddp"],
+        "one": ["trainer.accumulate_grad_batches=4"],
+        "two": [
+            "trainer.devices=2",
+            "trainer.strategy=ddp",
+            "trainer.accumulate_grad_batches=2",
+            "module.pairs_at_once=2",
+        ],
         "single": [],  # a pair a step: what must differ
     }
     for name, options in more.items():

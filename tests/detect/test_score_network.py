@@ -97,6 +97,11 @@ def test_a_batch_gives_what_single_images_give(size):
         torch.testing.assert_close(net(images), singles, rtol=0, atol=1e-5)
 
 
+def at(net: ScoreNetwork, image: torch.Tensor, rows: torch.Tensor, columns: torch.Tensor, route) -> torch.Tensor:
+    (logits,) = net.at([image], [(rows, columns)], route)
+    return logits
+
+
 def gradient_of(net: ScoreNetwork, logits: torch.Tensor) -> torch.Tensor:
     weights = torch.linspace(-1, 1, len(logits))
     gradients = torch.autograd.grad((logits * weights).sum(), list(net.parameters()))
@@ -110,7 +115,7 @@ def test_patches_have_the_logits_and_gradients_of_the_dense_map(depth, size):
     height, width = size
     rows = torch.cat([torch.randint(height, (9,), generator=generator), torch.tensor([0, 0, height - 1, height - 1])])
     columns = torch.cat([torch.randint(width, (9,), generator=generator), torch.tensor([0, width - 1, 0, width - 1])])
-    patches, dense = net.at(image, rows, columns, "patches"), net.at(image, rows, columns, "dense")
+    patches, dense = at(net, image, rows, columns, "patches"), at(net, image, rows, columns, "dense")
     with torch.no_grad():
         torch.testing.assert_close(dense, net(image)[0, 0, rows, columns], rtol=0, atol=1e-6)
     torch.testing.assert_close(patches, dense, rtol=1e-5, atol=1e-5)
@@ -121,7 +126,31 @@ def test_patches_have_the_logits_and_gradients_of_the_dense_map(depth, size):
 @pytest.mark.parametrize("route", ["patches", "dense"])
 def test_no_pixels_no_logits(route):
     none = torch.zeros(0, dtype=torch.long)
-    assert network().at(noise(9, 9), none, none, route).shape == (0,)
+    assert at(network(), noise(9, 9), none, none, route).shape == (0,)
+
+
+@pytest.mark.parametrize("route", ["patches", "dense"])
+def test_images_seen_together_have_the_logits_and_gradients_of_each_alone(route):
+    net = network()
+    images = [noise(12, 15, seed=1), noise(20, 9, seed=2), noise(12, 15, seed=3), noise(9, 20, seed=4)]
+    places = [(torch.tensor(rows), torch.tensor(columns)) for rows, columns in (
+        ([0, 11, 3], [14, 2, 7]), ([19], [8]), ([5, 6], [1, 0]), ([2, 0, 8, 4], [19, 3, 4, 10])
+    )]  # fmt: skip
+    alone = [at(net, image, *of_image, route) for image, of_image in zip(images, places, strict=True)]
+    together = net.at(images, places, route)
+    for one, other in zip(alone, together, strict=True):
+        torch.testing.assert_close(other, one, rtol=1e-5, atol=1e-5)
+    gradients = (gradient_of(net, torch.cat(logits)) for logits in (together, alone))
+    torch.testing.assert_close(*gradients, rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize(("route", "passes"), [("patches", 1), ("dense", 2)])
+def test_images_are_seen_in_one_pass_dense_ones_in_one_of_each_size(route, passes):
+    net, calls = network(), []
+    net.layers[0].register_forward_hook(lambda *_: calls.append(1))
+    corner = torch.tensor([0]), torch.tensor([0])
+    net.at([noise(9, 12), noise(8, 7), noise(9, 12, seed=1)], [corner] * 3, route)
+    assert len(calls) == passes
 
 
 @pytest.mark.parametrize(("depth", "width"), [(1, 8), (4, 7), (4, 0), (0, 2), (10**9, 4), (2.5, 4)])
@@ -172,7 +201,7 @@ def test_the_receptive_field_with_derivatives(differentiating):
 
 def test_with_derivatives_patches_are_the_dense_map_and_gradients_flow(differentiating):
     image, rows, columns = noise(20, 21), torch.tensor([0, 7, 19]), torch.tensor([20, 3, 0])
-    patches, dense = (differentiating.at(image, rows, columns, route) for route in ("patches", "dense"))
+    patches, dense = (at(differentiating, image, rows, columns, route) for route in ("patches", "dense"))
     torch.testing.assert_close(patches, dense, rtol=1e-5, atol=1e-5)
     torch.testing.assert_close(
         gradient_of(differentiating, patches), gradient_of(differentiating, dense), rtol=1e-3, atol=1e-4
@@ -209,7 +238,7 @@ def test_a_call_sees_all_octaves_and_corners_and_learning_one_octave():
     torch.testing.assert_close(net(image), mean + corner_strength(image) / 2, rtol=0, atol=0)
     assert (net(image) - one(image)).abs().max() > 1e-3
     for route in ("patches", "dense"):
-        torch.testing.assert_close(net.at(image, rows, columns, route), one.at(image, rows, columns, route))
+        torch.testing.assert_close(at(net, image, rows, columns, route), at(one, image, rows, columns, route))
     torch.testing.assert_close(net.interior(image, 5), one.interior(image, 5))
 
 

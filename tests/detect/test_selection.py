@@ -195,9 +195,9 @@ def test_logits_and_gradients_at_the_points(scales, gradient):
     net = network(scales)
     points = PointSelector(5).select(net, IMAGE, 60)
     assert {int(level) for level in points.level} == set(range(scales))
-    logits = logits_at(net, IMAGE, points, gradient)
+    (logits,) = logits_at(net, [IMAGE], [points], gradient)
     np.testing.assert_allclose(torch.sigmoid(logits).detach().numpy(), points.keypoints.score, rtol=1e-4)
-    other = logits_at(net, IMAGE, points, "dense" if gradient == "patches" else "patches")
+    (other,) = logits_at(net, [IMAGE], [points], "dense" if gradient == "patches" else "patches")
     weights = torch.linspace(1, 2, len(points))
     mine, twin = (
         torch.cat([g.flatten() for g in torch.autograd.grad((values * weights).sum(), list(net.parameters()))])
@@ -209,7 +209,17 @@ def test_logits_and_gradients_at_the_points(scales, gradient):
 def test_no_points_no_logits():
     net = network()
     points = PointSelector().select(net, IMAGE, 0)
-    assert logits_at(net, IMAGE, points, "patches").shape == (0,)
+    assert [of_image.shape for of_image in logits_at(net, [IMAGE, IMAGE], [points] * 2, "patches")] == [(0,), (0,)]
+
+
+@pytest.mark.parametrize("gradient", ["patches", "dense"])
+def test_points_of_several_images_are_each_of_its_own(gradient):
+    """Of two sizes, several scales, and one without points among them."""
+    net, selector = network(3), PointSelector(5)
+    images = [IMAGE, IMAGE.flip(-1), IMAGE[..., :40, :50], IMAGE.flip(-2)]
+    points = [selector.select(net, image, n) for image, n in zip(images, (30, 0, 9, 50), strict=True)]
+    for selected, logits in zip(points, logits_at(net, images, points, gradient), strict=True):
+        np.testing.assert_allclose(torch.sigmoid(logits).detach().numpy(), selected.keypoints.score, rtol=1e-4)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 3), (7, 1)])

@@ -61,7 +61,7 @@ def test_logits_and_gradients_are_those_of_the_network(backend, options, gradien
     found = []
     for _ in range(2):
         network.zero_grad()
-        logits = network.at(image_tensor(texture(60, 70)), rows, columns, gradient)
+        (logits,) = network.at([image_tensor(texture(60, 70))], [(rows, columns)], gradient)
         logits.square().sum().backward()
         found.append([logits.detach(), *(weights.grad.clone() for weights in network.parameters())])
         compile_layers(network)

@@ -41,7 +41,8 @@ class Logged(dict):
 
     def __init__(self, module: SipsModule) -> None:
         super().__init__()
-        module._trainer = SimpleNamespace(datamodule=SimpleNamespace(sources=[SimpleNamespace(name="city")]))
+        data = SimpleNamespace(sources=[SimpleNamespace(name="city")])
+        module._trainer = SimpleNamespace(datamodule=data, accumulate_grad_batches=1)
         module.log = lambda name, value, **_: self.update({name: float(value)})
         module.log_dict = lambda values, **_: self.update(values)
 
@@ -90,6 +91,75 @@ def test_the_loss_adds_the_difference_of_the_logits_of_matched_points(gradient, 
     assert float((loss - without).detach()) == pytest.approx(weight * float(expected), rel=1e-3, abs=1e-5)
 
 
+ONE_PAIR = (
+    side([3, 20, 39], [4, 30, 49], [GOOD, ALONE, GOOD]), side([10, 35, 8], [43, 0, 9], [LOST, GOOD, GOOD]), [0, 2], [2, 1]
+)  # fmt: skip
+ANOTHER = side([5, 30], [6, 40], [GOOD, UNKNOWN]), side([5], [7], [GOOD]), [0], [0]
+
+
+@pytest.mark.parametrize(("gradient", "passes_of"), [("patches", {1: 5, 2: 3}), ("dense", {1: 10, 2: 6})])
+def test_pairs_seen_at_once_learn_what_they_learn_one_by_one(gradient, passes_of):
+    """A step of five pairs, of which the network sees two, two and one; the images of each pair have two sizes."""
+    pairs = [hand_made(*ONE_PAIR), hand_made(*ANOTHER)] * 2 + [hand_made(*ONE_PAIR)]
+    gradients, told, losses = [], [], []
+    for at_once in (1, 2):
+        torch.manual_seed(0)
+        module = make_module(gradient=gradient, pairs_at_once=at_once)
+        logged = Logged(module)
+        module._trainer.accumulate_grad_batches = 5
+        module.zero_grad()
+        passes = []
+        module.network.layers[0].register_forward_hook(lambda *_, passes=passes: passes.append(1))
+        for index, pair in enumerate(pairs):
+            loss = module.training_step(pair, 5 + index)
+            loss.backward()
+            losses.append(float(loss.detach()))
+        assert len(passes) == passes_of[at_once]
+        gradients.append([weights.grad for weights in module.network.parameters()])
+        told.append(dict(logged))
+    one_by_one, together = losses[:5], losses[5:]
+    assert [loss > 0 for loss in together] == [False, True, False, True, True]
+    assert sum(together) == pytest.approx(sum(one_by_one), rel=1e-5)
+    for alone, together in zip(*gradients, strict=True):
+        torch.testing.assert_close(together, alone, rtol=1e-4, atol=1e-4)
+    assert told[1] == pytest.approx(told[0], rel=1e-4)  # the last pair was by itself
+
+
+def test_what_is_told_of_pairs_seen_at_once_is_their_mean():
+    means = []
+    for at_once in (1, 2):
+        torch.manual_seed(0)
+        module = make_module(pairs_at_once=at_once)
+        logged = Logged(module)
+        module._trainer.accumulate_grad_batches = 2
+        told = []
+        for index, pair in enumerate((hand_made(*ONE_PAIR), hand_made(*ANOTHER))):
+            logged.clear()
+            module.training_step(pair, index)
+            told.append({name: value for name, value in logged.items() if name.startswith("train/")})
+        means.append({name: np.mean([t[name] for t in told if name in t]) for name in told[-1]})
+    assert set(means[0]) == {f"train/{name}" for name in ("loss", "excess_loss", "consistency", "shortfall", "points")}
+    assert means[1] == pytest.approx(means[0], rel=1e-5)
+
+
+def test_a_run_with_pairs_at_once_ends_at_the_weights_of_one_without(tmp_path):
+    ends = []
+    for at_once in (1, 3):
+        torch.manual_seed(0)
+        module = make_module(pairs_at_once=at_once)
+        trainer = fit(module, make_data(tmp_path), steps=3, accumulate_grad_batches=3)
+        assert trainer.global_step == 3
+        ends.append(torch.cat([weights.detach().flatten() for weights in module.parameters()]))
+    torch.testing.assert_close(*ends, rtol=1e-4, atol=1e-5)
+
+
+def test_the_network_can_not_see_more_pairs_at_once_than_a_step_has(tmp_path):
+    with pytest.raises(BadInputError, match=r"module\.pairs_at_once is 3, .*accumulate_grad_batches=2 pairs"):
+        fit(make_module(pairs_at_once=3), make_data(tmp_path), steps=3, accumulate_grad_batches=2)
+    with pytest.raises(BadInputError, match="pairs_at_once of the module counts pairs, from 1, and is 0"):
+        make_module(pairs_at_once=0)
+
+
 @pytest.mark.parametrize("key", ["consistency", "consistency_beta", "ranking"])
 def test_weights_can_not_be_negative(key):
     with pytest.raises(BadInputError, match=f"{key}.* can't be negative"):
@@ -105,7 +175,7 @@ def test_the_loss_adds_what_the_best_points_lack_in_inliers():
     sides = side(*places, [GOOD] * 12), side(*places, [GOOD] * 12)
     pair = hand_made(*sides, range(12), range(12))
     losses = [m.training_step(pair, 0) for m in (module, weightless)]
-    logits = [logits_at(module.network, image, sides[0][0], "dense") for image in (pair.image0, pair.image1)]
+    logits = logits_at(module.network, (pair.image0, pair.image1), [sides[0][0]] * 2, "dense")
     same = torch.arange(12)
     expected = ranking_loss(*logits, same, same, torch.full((12,), 12))
     assert 0.01 < expected.item() < 1
