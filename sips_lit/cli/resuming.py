@@ -46,7 +46,9 @@ def record_of(
     are, and times of their files (a copy has others), as long as the frames look the same.
     """
     validation = config.callbacks.get("succinctness") or OmegaConf.create()
-    parts = {"module": config.module, "datamodule": config.datamodule, "callbacks.succinctness": validation}
+    average = config.callbacks.get("average") or OmegaConf.create()
+    parts = {"module": config.module, "datamodule": config.datamodule}
+    parts |= {"callbacks.succinctness": validation, "callbacks.average": average}
     values = dict(flat({name: OmegaConf.to_container(part, resolve=True) for name, part in parts.items()}))
     values |= {f"trainer.{key}": config.trainer[key] for key in TRAINER}
     plain = OmegaConf.to_container(config)

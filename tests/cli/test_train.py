@@ -79,7 +79,7 @@ def test_training_scalars_are_logged(tmp_path, frames):
 @pytest.mark.parametrize("accumulate", [1, 3])
 def test_the_learning_rate_is_logged_once_per_step(tmp_path, frames, accumulate, scheduler):
     steps = "trainer.max_steps=4", "trainer.log_every_n_steps=1", f"trainer.accumulate_grad_batches={accumulate}"
-    run_it(tmp_path / "run", frames, *steps, *([] if scheduler else ["optim.scheduler=null"]))
+    run_it(tmp_path / "run", frames, *steps, f"optim={'adam_cosine' if scheduler else 'adam'}")
     logged = scalars(tmp_path / "run")["lr-Adam"]
     cosine = [1e-5 + (1e-3 - 1e-5) * (1 + np.cos(np.pi * step / 4)) / 2 for step in range(4)]
     assert [step for step, _ in logged] == [0, 1, 2, 3]
