@@ -11,8 +11,8 @@ from sips_lit.errors import BadInputError
 WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the files, each with its model card."""
 SHA256: Final = {
-    "sips-small": "aef4c96b08dd062592ab4d650a9ba0a247440b5b344e5368b956975f96259680",
-    "sips-tiny": "127a90a980dbb78e5444fc5205c6ecd0a48f08cb47b340dcf11cb4f89ca03926",
+    "sips-small": "f9ca6b3254e85db09e406ea17d4773d488cba305c06217e73514aca4dad3f927",
+    "sips-tiny": "d846dda56de72e04a78ca93dd34c3bd7c3a277d82e28ee97a176d69a71629067",
 }
 """Names, with the hash of ``<name>.safetensors``."""
 DEFAULT: Final = "sips-small"
