@@ -17,8 +17,9 @@ class AveragedWeights(WeightAveraging):
     """Validates and saves an exponential mean of the weights over about the last ``steps`` steps.
 
     With a constant learning rate it takes the place of a rate that falls: where single pairs push the weights cancels out,
-    so seeds differ less (docs: results), and a run may end at any step. After n steps the mean reaches over n / 4 of them
-    until that is ``steps`` (our choice). A checkpoint holds both: the mean as its weights, and where the optimiser is.
+    so seeds differ less on kinds of data never seen (docs: results), and a run may end at any step. After n steps the mean
+    reaches over n / 4 of them until that is ``steps`` (our choice). A checkpoint holds both: the mean as its weights, and
+    where the optimiser is.
 
     Raises BadInputError for ``steps`` below 1.
     """

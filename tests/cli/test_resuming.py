@@ -20,7 +20,7 @@ from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 STEPS = (  # so fast that it is best before its end
     "trainer.max_steps=8",
     "trainer.val_check_interval=2",
-    "optim=adam_cosine",
+    "callbacks.average={_target_: sips_lit.callbacks.averaging.AveragedWeights, steps: 100}",
     "optim.optimizer.lr=0.1",
     "model.derivatives=false",
     "model.octaves=1",
