@@ -36,7 +36,9 @@ def test_matching_runs_and_finds_what_is_true(tmp_path, monkeypatch, capsys):
     np.testing.assert_allclose(stereo.t, [-1, 0, 0], atol=0.05)
     right = names["right_ones"]
     inliers = stereo.inlier[names["known"]]
-    assert right[inliers].mean() > max(0.7, right[~inliers].mean() + 0.2)  # a wrong match on the true row is an inlier, too
+    assert right[inliers].mean() > max(
+        0.7, right[~inliers].mean() + 0.2
+    )  # a wrong match on the true row is an inlier, too
     assert city.inlier.sum() > 50
     assert names["after"] < names["before"] / 2
     assert len(names["keypoints"]) == 500
