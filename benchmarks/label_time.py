@@ -41,7 +41,7 @@ HEADERS = ["data", "pairs", "frames", "describe", "match", "track before", "trac
 
 @dataclass(slots=True)
 class Compared:
-    """Sums over the pairs of a data set; ``seconds`` by check, ``points`` and ``matches`` are counts."""
+    """Sums over the pairs of a data set; ``different``: labels that are. Only matched points can differ."""
 
     before: Stopwatch
     now: Stopwatch
@@ -49,8 +49,7 @@ class Compared:
     frames: int = 0
     points: int = 0
     matches: int = 0
-    other_points: int = 0
-    other_matches: int = 0
+    different: int = 0
     inliers_before: int = 0
     inliers: int = 0
 
@@ -61,17 +60,16 @@ class Compared:
             answers.append(label_pair(pair, keypoints0, keypoints1, RootSift(), check, watch=watch)[:2])
         self.pairs, self.frames = self.pairs + 1, self.frames + len(pair.frames)
         for before, now in zip(*answers, strict=True):
-            other = int((before.inlier != now.inlier).sum())
-            self.points, self.other_points = self.points + len(now.inlier), self.other_points + other
+            self.points += len(now.inlier)
             self.matches += int((now.reason != Reason.UNMATCHED).sum())
-            self.other_matches += other
+            self.different += int((before.inlier != now.inlier).sum())
             self.inliers_before += int(before.inlier.sum())
             self.inliers += int(now.inlier.sum())
 
     @property
     def agreement(self) -> float:
         """Share of all selected points that have the same label."""
-        return 1 - self.other_points / max(self.points, 1)
+        return 1 - self.different / max(self.points, 1)
 
     def milliseconds(self) -> tuple[dict[str, float], dict[str, float]]:
         """Of a pair, by stage, before and now."""
@@ -116,7 +114,7 @@ def main() -> None:
             whole = np.array([sum(before.values()), sum(now.values())])
             stages = now["describe"], now["match"], before["track"], now["track"]
             rows.append([given, found.pairs, found.frames / found.pairs, *stages, *whole, whole[0] / whole[1]])
-            matched = 1 - found.other_matches / max(found.matches, 1)
+            matched = 1 - found.different / max(found.matches, 1)
             shares = found.inliers_before / found.points, found.inliers / found.points
             agreements.append([given, found.agreement, matched, *shares])
             totals += whole

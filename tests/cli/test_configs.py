@@ -225,6 +225,23 @@ def test_every_experiment_composes(name, tmp_path, checkpoint):
             assert set(entry) <= set(PAIR_SET)
 
 
+@pytest.mark.parametrize(
+    ("choices", "averaged", "inliers"),
+    [
+        (["experiment=released", "root=x"], True, "klt_retraced"),
+        (["experiment=[released,distill]", "root=x", "teacher=x"], False, "klt_retraced"),
+        (["data.path=x"], False, "klt"),
+        (["experiment=paper", "data.sources=null"], False, "klt"),
+    ],
+    ids=["released", "distilled", "default", "paper"],
+)
+def test_weights_are_averaged_at_a_constant_rate_where_they_are_released(choices, averaged, inliers):
+    config = composed("train", *choices)
+    assert (config.callbacks.average is not None) == averaged
+    assert (config.optim.scheduler is None) == (averaged or choices[0] == "experiment=paper")
+    assert config.inliers._target_.startswith(f"sips_lit.inliers.{inliers}.")
+
+
 def test_every_target_is_ours_or_of_what_we_depend_on():
     for path in CONF_DIR.rglob("*.yaml"):
         for line in path.read_text().splitlines():
