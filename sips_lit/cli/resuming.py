@@ -22,7 +22,7 @@ from sips_lit.train.score_module import ScoreModule
 from sips_lit.train.validation_data import ValidationDataModule
 
 TRAINER: Final = ("accumulate_grad_batches", "gradient_clip_val", "limit_val_batches")
-WITHOUT_EFFECT: Final = frozenset({"loading_workers", "labelling_workers", "index_folder"})
+WITHOUT_EFFECT: Final = frozenset({"loading_workers", "labelling_workers", "index_folder", "gradient_costs"})
 START_WEIGHTS = "weights of init"
 FRAMES, SAMPLE, STEPS, PRECISION = "frames", "sample of frames", "trainer.max_steps", "trainer.precision"
 TOLD = 6  # differences that a sentence names

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 import torch
@@ -16,6 +18,7 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.detect.selection import OneOctave, PointSelector, SelectedPoints, logits_at
 from sips_lit.errors import BadInputError
+from sips_lit.train.gradient_route import RememberedCosts, RouteCosts, measured_costs, setting
 from sips_lit.train.loader import LabelledPair
 from sips_lit.train.loss import consistency_loss, constant_loss, inlierness_loss, ranking_loss
 from sips_lit.train.score_module import ScoreModule
@@ -35,10 +38,11 @@ class SipsModule(ScoreModule):
     ``consistency`` and ``ranking``: weights of `consistency_loss`, whose ``beta`` is ``consistency_beta``, and
     `ranking_loss`, added to the inlierness loss (0: the paper's loss); ``teacher_decay``: above 0, the points that are
     labelled are selected by a teacher, whose weights are the exponential mean of the network's over the steps with that
-    decay (our choice); ``gradient``: see `ScoreNetwork.at`; ``pairs_at_once``: how many pairs of a step the network sees
-    together, whose activations are in memory together, too; the others: see `ScoreModule`. Raises BadInputError for a
-    negative weight or ``beta``, for a decay that is not from 0 to less than 1, for ``pairs_at_once`` below 1, and at the
-    start of a run whose steps have fewer pairs.
+    decay (our choice); ``gradient``: see `ScoreNetwork.at`, or ``auto``, the route that takes less time by what both were
+    once measured to cost, which ``gradient_costs`` remembers (a file; None: the run alone); ``pairs_at_once``: how many
+    pairs of a step the network sees together, whose activations are in memory together, too; the others: see `ScoreModule`.
+    Raises BadInputError for a negative weight or ``beta``, for a decay that is not from 0 to less than 1, for another
+    ``gradient``, for ``pairs_at_once`` below 1, and at the start of a run whose steps have fewer pairs.
     """
 
     def __init__(
@@ -52,7 +56,8 @@ class SipsModule(ScoreModule):
         consistency_beta: float = 0.5,
         ranking: float = 30.0,
         teacher_decay: float = 0.0,
-        gradient: Gradient = "patches",
+        gradient: Gradient | Literal["auto"] = "patches",
+        gradient_costs: str | Path | None = None,
         pairs_at_once: int = 1,
         compiled: bool = False,
     ) -> None:
@@ -70,7 +75,11 @@ class SipsModule(ScoreModule):
             )
         if pairs_at_once < 1:
             raise BadInputError(f"pairs_at_once of the module counts pairs, from 1, and is {pairs_at_once}")
-        self.gradient, self.pairs_at_once = gradient, pairs_at_once
+        if gradient not in (*get_args(Gradient), "auto"):
+            raise BadInputError(f"gradient of the module is {gradient}: give patches, dense or auto")
+        self.gradient, self.pairs_at_once, self.compiled = gradient, pairs_at_once, compiled
+        self._remembered = RememberedCosts(None if gradient_costs is None else Path(gradient_costs))
+        self._costs: dict[str, RouteCosts] = {}
         self._held: list[LabelledPair] = []
         self.consistency, self.consistency_beta, self.ranking = consistency, consistency_beta, ranking
 
@@ -107,12 +116,37 @@ class SipsModule(ScoreModule):
         pairs, self._held = self._held, []
         images = [image for held in pairs for image in (held.image0, held.image1)]
         points = [of_image for held in pairs for of_image in (held.points0, held.points1)]
-        logits = logits_at(self.network, images, points, self.gradient)
+        logits = logits_at(self.network, images, points, self._route(images, points))
         losses = [self._loss(*sides) for sides in zip(pairs, logits[::2], logits[1::2], strict=True)]
         for name in losses[0].told:
             mean = torch.stack([loss.told[name] for loss in losses]).mean()
             self.log(f"train/{name}", mean, prog_bar=name == "loss", batch_size=1)
         return torch.stack([loss.total for loss in losses]).sum()
+
+    def _route(self, images: Sequence[Tensor], points: Sequence[SelectedPoints]) -> Gradient:
+        if self.gradient != "auto":
+            return self.gradient
+        of = setting(self.network, self.device, str(self.trainer.precision), self.compiled)
+        if of not in self._costs:
+            costs = self._remembered.get(of)
+            if costs is None:
+                if not any(map(len, points)):
+                    return "patches"
+                costs = measured_costs(self.network, images, points)
+                self._remembered.put(of, costs)
+            self._costs[of] = costs
+            self.print(f"gradient:    {costs}")
+        return self._costs[of].faster(images, points)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """What routes of the gradient cost: a run that goes on from it takes the same ones."""
+        checkpoint["gradient_costs"] = {of: asdict(costs) for of, costs in self._costs.items()}
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """See `ScoreModule`; and the costs that the run went by."""
+        super().on_load_checkpoint(checkpoint)
+        stored = checkpoint.get("gradient_costs", {})
+        self._costs = {of: RouteCosts(**costs) for of, costs in stored.items()}
 
     def _loss(self, pair: LabelledPair, logits0: Tensor, logits1: Tensor) -> _Loss:
         inlierness = torch.zeros((), device=self.device)

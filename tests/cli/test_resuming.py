@@ -444,5 +444,5 @@ def test_a_record_names_the_keys_that_a_user_sets(tmp_path, frames):
     expected = {"seed": 0, "k": 10, "n_max": 60, "model.width": 4, "optim.optimizer.lr": 1e-3, "processes": 6}
     assert expected.items() <= record["identity"].items()
     assert record["identity"]["frames"] == "abc"
-    assert not any(key.endswith(("_workers", "index_folder")) for key in record["identity"])
+    assert not any(key.endswith(("_workers", "index_folder", "gradient_costs")) for key in record["identity"])
     assert find_start(config, record) is None
