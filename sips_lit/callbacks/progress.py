@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import lightning as L
@@ -97,6 +98,8 @@ class TrainingLines(TrainingBar):
 
 class _StepLines(ProgressLines):
     """Lines with the pace, and with metrics, which alone do not make a line due."""
+
+    metrics: Mapping[str, float] = MappingProxyType({})
 
     def set_postfix(self, ordered_dict: Any = None, *_: Any, **__: Any) -> None:
         self.metrics = ordered_dict

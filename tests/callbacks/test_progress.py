@@ -61,6 +61,23 @@ def test_a_log_gets_a_line_per_ten_seconds(monkeypatch, tmp_path):
     ]
 
 
+class Talks(L.Callback):
+    """Prints before the first step and after the second."""
+
+    def on_train_batch_start(self, trainer, pl_module, batch, batch_idx):
+        if batch_idx in (0, 2):
+            pl_module.print("something else")
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_what_else_is_printed_leaves_the_progress_alone(monkeypatch, tmp_path, capsys, terminal):
+    err, clock = as_stderr(monkeypatch, terminal), Clock()
+    run(TrainingBar() if terminal else TrainingLines(clock=clock), tmp_path, clock, more=[Talks()])
+    assert capsys.readouterr().out == "something else\n" * 2
+    if not terminal:
+        assert [line.partition(",")[0] for line in err.lines] == [f"step {step}/20" for step in (0, 5, 10, 15, 20)]
+
+
 @pytest.mark.parametrize(("seconds", "steps"), [(0, range(1, 9)), (4, [1, 3, 5, 7]), (100, [1])])
 def test_how_often_is_chosen(monkeypatch, tmp_path, seconds, steps):
     err, clock = as_stderr(monkeypatch, terminal=False), Clock()
