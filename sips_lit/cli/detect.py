@@ -38,7 +38,9 @@ class DetectOptions:
     nms_radius: int | None
     border: int | None
     octaves: int | None
+    first_octave: int | None
     corners: float | None
+    fine_corners: float | None
     scales: int | None
     subpixel: bool
     device: str
@@ -58,7 +60,9 @@ def detect(config: DictConfig) -> None:
         nms_radius=options.nms_radius,
         border=options.border,
         octaves=options.octaves,
+        first_octave=options.first_octave,
         corners=options.corners,
+        fine_corners=options.fine_corners,
         scales=options.scales,
         runtime=options.runtime,
         precision=options.precision,

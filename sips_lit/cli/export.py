@@ -43,7 +43,9 @@ class ExportOptions:
     nms_radius: int | None
     border: int | None
     octaves: int | None
+    first_octave: int | None
     corners: float | None
+    fine_corners: float | None
     scales: int | None
     subpixel: bool
 
@@ -119,7 +121,9 @@ def model_of(options: ExportOptions, budget: Budget) -> Exportable:
         scales=options.scales,
         border=options.border,
         octaves=options.octaves,
+        first_octave=options.first_octave,
         corners=options.corners,
+        fine_corners=options.fine_corners,
     )
     if options.points:
         return TopPoints(detector.network, detector.selector, budget)

@@ -6,7 +6,7 @@ import hashlib
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from safetensors.torch import save
 from torch import Tensor
 
 from sips_lit.archives.zip_members import is_bomb
+from sips_lit.detect.detection_logits import Detection
 from sips_lit.detect.recalibration import AS_TRAINED, Recalibration
 from sips_lit.detect.released import checkpoint_file
 from sips_lit.detect.score_network import ScoreNetwork
@@ -27,7 +28,7 @@ METADATA_KEY = "sips_lit"
 RECALIBRATION = "recalibration"
 PREFIX = "network."
 LEARNED = ("depth", "width", "leaky_slope", "scales", "scale_factor", "derivatives")  # what weights are learned for
-ARCHITECTURE = (*LEARNED, "octaves", "corners")  # of what gives the logits
+ARCHITECTURE = (*LEARNED, *(part.name for part in fields(Detection)))  # of what gives the logits
 
 
 def load_checkpoint(path: str | Path) -> tuple[ScoreNetwork, PointSelector]:
@@ -80,7 +81,7 @@ def require_finite(network: ScoreNetwork, path: str | Path) -> None:
 
 
 def start_from(network: ScoreNetwork, path: str | Path) -> None:
-    """Gives a network the weights of a file of any octaves and corners; a covariance head of one alone stays or goes.
+    """Gives a network the weights of a file, however it detects; a covariance head of one alone stays or goes.
 
     Raises BadInputError where the file is of another network, or can't be used.
     """

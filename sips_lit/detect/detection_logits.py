@@ -3,14 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
 
 from torch import Tensor
 
-from sips_lit.detect.corners import corner_strength
+from sips_lit.detect.corners import CELL, FINE_CELL, corner_strength
 from sips_lit.detect.octaves import mean_over_octaves
 
+# a damaged checkpoint may ask for any number
+MOST_OCTAVES: Final = 8
+MOST_OF_CORNERS: Final = 10
 
-def detection_logits(logits_of: Callable[[Tensor], Tensor], image: Tensor, octaves: int, corners: float) -> Tensor:
-    """Logits (B, 1, H, W) of images (B, 1, H, W): the mean over octaves, and ``corners`` times the strength as a corner."""
-    logits = mean_over_octaves(logits_of, image, octaves)
-    return logits + corners * corner_strength(image) if corners else logits
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """How points are detected, which training knows nothing of; by default as a network learns.
+
+    ``octaves``: how many a pixel's logit is the mean of; ``first_octave``: the largest of them, 0 the image, 1 half of it,
+    which takes a quarter of the time; ``corners``: weight of how much of a corner there is around a pixel, and
+    ``fine_corners`` close around it, which says where a point is that was found in half of the image (see
+    `sips_lit.detect.corners`).
+
+    Raises ValueError for numbers out of range.
+    """
+
+    octaves: int = 1
+    first_octave: int = 0
+    corners: float = 0.0
+    fine_corners: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.octaves not in range(1, MOST_OCTAVES + 1):
+            raise ValueError(f"a score network sees 1 to {MOST_OCTAVES} octaves, not {self.octaves}")
+        if self.first_octave not in range(MOST_OCTAVES):
+            raise ValueError(f"the first octave is 0 (the image) to {MOST_OCTAVES - 1}, not {self.first_octave}")
+        for name, weight in (("corners", self.corners), ("fine_corners", self.fine_corners)):
+            if not 0 <= weight <= MOST_OF_CORNERS:
+                raise ValueError(f"{name} weigh 0 to {MOST_OF_CORNERS}, not {weight}")
+
+
+def detection_logits(logits_of: Callable[[Tensor], Tensor], image: Tensor, by: Detection) -> Tensor:
+    """Logits (B, 1, H, W) of images (B, 1, H, W): the mean over octaves, and what ``by`` adds for corners."""
+    logits = mean_over_octaves(logits_of, image, by.octaves, by.first_octave)
+    for weight, cell in ((by.corners, CELL), (by.fine_corners, FINE_CELL)):
+        if weight:
+            logits = logits + weight * corner_strength(image, cell)
+    return logits

@@ -74,14 +74,17 @@ class SipsDetector(BaseDetector):
         border: int | None = None,
         octaves: int | None = None,
         corners: float | None = None,
+        first_octave: int | None = None,
+        fine_corners: float | None = None,
     ) -> SipsDetector:
         """The detector of a ``.ckpt`` or ``.safetensors`` file, or of released weights by name.
 
         ``subpixel`` fits the peaks whatever training did. ``nms_radius``: no two points within it, in pixels; ``border``: no
         points on so many pixels along the border (on small images a sixteenth of the shorter side); ``scales``:
         levels of the image pyramid, for cameras that come nearer and turn, which a network trained on one level takes, too;
-        ``octaves``: how many are scored together, 1 for the image alone, which is a fifth faster, 2 for the fewest points;
-        ``corners``: weight of how much of a corner a point is (`sips_lit.detect.corners`), 0 for the network alone.
+        ``octaves``: how many are scored together, ``first_octave``: 0 from the image on, 1 from half of it on, which takes a
+        quarter of the time; ``corners``: weight of how much of a corner a point is (`sips_lit.detect.corners`), 0 for the
+        network alone, ``fine_corners``: weight of the same close around it, which says where a point of half the image is.
         None: those of the file. ``runtime``: what executes the network, torch, onnxruntime, openvino or auto (the fastest
         that is installed for each image size, so last digits may differ from run to run); ``precision``: 32 or bf16.
 
@@ -90,7 +93,9 @@ class SipsDetector(BaseDetector):
         """
         network, selector = load_checkpoint(path)
         try:
-            network = network.detecting_by(scales, octaves, corners)
+            network = network.detecting_by(
+                scales=scales, octaves=octaves, first_octave=first_octave, corners=corners, fine_corners=fine_corners
+            )
             radius = selector.nms_radius if nms_radius is None else nms_radius
             margin = selector.border if border is None else border
             selector = replace(selector, nms_radius=radius, subpixel=subpixel, border=margin)

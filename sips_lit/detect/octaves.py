@@ -13,11 +13,16 @@ import torch.nn.functional as F
 from torch import Tensor
 
 
-def mean_over_octaves(logits_of: Callable[[Tensor], Tensor], image: Tensor, octaves: int) -> Tensor:
-    """Logits (B, 1, H, W) of images (B, 1, H, W): the mean of those that ``logits_of`` gives each octave."""
-    total = logits_of(image)
-    for octave, level in enumerate(halves(image, octaves), 1):
-        total = total + enlarged(logits_of(level), octave, (image.shape[-2], image.shape[-1]))
+def mean_over_octaves(logits_of: Callable[[Tensor], Tensor], image: Tensor, octaves: int, first: int = 0) -> Tensor:
+    """Logits (B, 1, H, W) of images (B, 1, H, W): the mean of those that ``logits_of`` gives each octave.
+
+    ``first`` is the largest octave that counts, 0 the image itself.
+    """
+    levels = [image, *halves(image, first + octaves)]
+    size = image.shape[-2], image.shape[-1]
+    total = enlarged(logits_of(levels[first]), first, size)
+    for octave in range(first + 1, first + octaves):
+        total = total + enlarged(logits_of(levels[octave]), octave, size)
     return total / octaves if octaves > 1 else total
 
 
@@ -36,5 +41,7 @@ def halves(image: Tensor, octaves: int) -> list[Tensor]:
 
 def enlarged(logits: Tensor, octave: int, size: tuple[int, int]) -> Tensor:
     """Logits (B, 1, h, w) of an octave (0 = the image) between its pixels, for an image of ``size`` (H, W)."""
+    if octave == 0:
+        return logits
     large = F.interpolate(logits, scale_factor=2.0**octave, mode="bilinear", align_corners=False)
     return large[..., : size[0], : size[1]]

@@ -98,12 +98,12 @@ class _Exported:
 
     def __init__(self, network: ScoreNetwork) -> None:
         self.scales, self.scale_factor = network.scales, network.scale_factor
-        self.octaves, self.corners = network.octaves, network.corners
+        self.detection = network.detection
         self.side, self.model = block_side(network), onnx_graph(network)
 
     def __call__(self, image: Tensor) -> Tensor:
         """See `Scorer`."""
-        return detection_logits(self._octave, image.detach().float(), self.octaves, self.corners)
+        return detection_logits(self._octave, image.detach().float(), self.detection)
 
     def _octave(self, image: Tensor) -> Tensor:
         blocks = whole_blocks(image, self.side).contiguous().numpy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, Literal, cast
 
 import torch
@@ -12,7 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from sips_lit.detect.derivatives import CHANNELS, derivative_channels, derivative_filters
-from sips_lit.detect.detection_logits import detection_logits
+from sips_lit.detect.detection_logits import Detection, detection_logits
 
 Gradient = Literal["patches", "dense"]
 Places = tuple[Tensor, Tensor]
@@ -20,7 +21,7 @@ Places = tuple[Tensor, Tensor]
 
 
 # a damaged checkpoint may ask for any number
-MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR, MOST_OCTAVES, MOST_OF_CORNERS = 1000, 32, 16, 8, 10
+MOST_LAYERS, MOST_SCALES, LARGEST_FACTOR = 1000, 32, 16
 START_LOG_SIGMA = -1.0  # of an untrained covariance head: 0.37 pixels, about what sub-pixel points are off by
 COVARIANCE_NUMBERS = 3  # log sigma_x, log sigma_y, and the inverse hyperbolic tangent of their correlation
 
@@ -32,16 +33,15 @@ class ScoreNetwork(nn.Module):
     and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias`` (our choice). With
     ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`). With
     ``derivatives`` the first layer gets `derivative_channels` instead of the grey image alone (the paper's), and the
-    receptive field grows by a pixel to each side. With ``octaves > 1`` the logit of a call is the mean of those of the
-    image, of half of it, and so on (see `sips_lit.detect.octaves`), and ``corners`` times how much of a corner the pixel is
-    is added (see `sips_lit.detect.corners`); what it learns from is the logit of one octave, without corners. With
-    ``covariance`` a second last layer, ``covariance_head``, gives three numbers a pixel of which
-    `sips_lit.detect.covariance` makes the covariance of a point's place; logits stay what they are.
+    receptive field grows by a pixel to each side. ``octaves``, ``first_octave``, ``corners`` and ``fine_corners`` say how a
+    call makes the logits by which points are detected (see `sips_lit.detect.detection_logits`); what it learns from is the
+    logit of the image alone, without corners. With ``covariance`` a second last layer, ``covariance_head``, gives three
+    numbers a pixel of which `sips_lit.detect.covariance` makes the covariance of a point's place; logits stay what they are.
 
     Each octave is padded once by ``radius`` replicated pixels, then every convolution is a valid one: its logit of a pixel
     depends on exactly the (2 radius + 1)^2 pixels around it, and the same numbers come out of a dense pass and of patches.
 
-    Raises ValueError for a depth below 2 or an odd width.
+    Raises ValueError for a depth below 2, an odd width, and other numbers out of range.
     """
 
     def __init__(
@@ -55,6 +55,8 @@ class ScoreNetwork(nn.Module):
         derivatives: bool = False,
         octaves: int = 1,
         corners: float = 0.0,
+        first_octave: int = 0,
+        fine_corners: float = 0.0,
         covariance: bool = False,
     ) -> None:
         super().__init__()
@@ -67,10 +69,7 @@ class ScoreNetwork(nn.Module):
                 f"a pyramid needs 1 to {MOST_SCALES} scales and a scale_factor above 1 and up to {LARGEST_FACTOR}, not "
                 f"{scales} and {scale_factor}"
             )
-        if octaves not in range(1, MOST_OCTAVES + 1):
-            raise ValueError(f"a score network sees 1 to {MOST_OCTAVES} octaves, not {octaves}")
-        if not 0 <= corners <= MOST_OF_CORNERS:
-            raise ValueError(f"corners weigh 0 to {MOST_OF_CORNERS}, not {corners}")
+        self.detection = Detection(octaves, first_octave, corners, fine_corners)
         self.config: dict[str, Any] = {
             "depth": depth,
             "width": width,
@@ -79,13 +78,10 @@ class ScoreNetwork(nn.Module):
             "scales": scales,
             "scale_factor": scale_factor,
             "derivatives": derivatives,
-            "octaves": octaves,
-            "corners": corners,
+            **asdict(self.detection),
             "covariance": covariance,
         }
         self.derivatives = derivatives
-        self.octaves = octaves
-        self.corners = corners
         self.radius = depth + int(derivatives)
         self.leaky_slope = leaky_slope
         self.scales = scales
@@ -111,14 +107,11 @@ class ScoreNetwork(nn.Module):
             if parameter.ndim == 4:  # channels last halves the time on a CPU
                 parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
 
-    def detecting_by(
-        self, scales: int | None = None, octaves: int | None = None, corners: float | None = None
-    ) -> ScoreNetwork:
-        """A network of the same weights with other ``scales``, ``octaves`` and ``corners``; None: those that it has.
+    def detecting_by(self, **asked: float | None) -> ScoreNetwork:
+        """A network of the same weights with other ``scales``, or another part of its `Detection`; None: what it has.
 
         Raises ValueError for a number out of range.
         """
-        asked = {"scales": scales, "octaves": octaves, "corners": corners}
         given = {name: value for name, value in asked.items() if value is not None}
         network = ScoreNetwork(**{**self.config, **given})
         network.load_state_dict(self.state_dict())
@@ -126,7 +119,7 @@ class ScoreNetwork(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W) with values 0 to 255."""
-        return detection_logits(self.octave, image, self.octaves, self.corners)
+        return detection_logits(self.octave, image, self.detection)
 
     def octave(self, image: Tensor) -> Tensor:
         """Logits (B, 1, H, W) of images (B, 1, H, W), or of an octave of them, by themselves."""
@@ -201,14 +194,17 @@ class ScoreNetwork(nn.Module):
         """
         if self.covariance_head is None:
             raise ValueError("the score network has no covariance head")
-        hidden: list[Tensor] = []
+        of_image: list[Tensor] = []
 
         def octave(level: Tensor) -> Tensor:
-            hidden.append(self._hidden(self.pad(level)))
-            return self._last(self.layers[-1], hidden[-1])
+            hidden = self._hidden(self.pad(level))
+            if level is image:
+                of_image.append(hidden)
+            return self._last(self.layers[-1], hidden)
 
-        logits = detection_logits(octave, image, self.octaves, self.corners)
-        return logits, self._last(self.covariance_head, hidden[0])
+        logits = detection_logits(octave, image, self.detection)
+        hidden = of_image[0] if of_image else self._hidden(self.pad(image))
+        return logits, self._last(self.covariance_head, hidden)
 
     def _windows(self, image: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
         """The padded, scaled receptive fields (N, 1, 2 radius + 1, 2 radius + 1) of N pixels."""

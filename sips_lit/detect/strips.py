@@ -26,7 +26,7 @@ RADII: Final = 8
 
 def logits_by_strips(network: ScoreNetwork, image: Tensor) -> Tensor:
     """Logits (B, 1, H, W) float32 of grey images (B, 1, H, W), 0 to 255: the network's, but for the last digits."""
-    return detection_logits(partial(_octave, network), image, network.octaves, network.corners)
+    return detection_logits(partial(_octave, network), image, network.detection)
 
 
 def strip_rows(network: ScoreNetwork, height: int, width: int) -> int:

@@ -25,7 +25,7 @@ class LogitsOfImage(nn.Module):
 
     def forward(self, image: Tensor) -> Tensor:
         """See the class."""
-        return detection_logits(self._octave, image, self.network.octaves, self.network.corners)
+        return detection_logits(self._octave, image, self.network.detection)
 
     def _octave(self, image: Tensor) -> Tensor:
         height, width = image.shape[-2:]

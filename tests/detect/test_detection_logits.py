@@ -5,16 +5,41 @@ import torch.nn.functional as F
 from textured_scenes import texture
 
 from sips_lit.detect.corners import USUAL, corner_strength
-from sips_lit.detect.detection_logits import detection_logits
+from sips_lit.detect.detection_logits import Detection, detection_logits
+from sips_lit.detect.octaves import mean_over_octaves
 from sips_lit.detect.selection import image_tensor
 
 
 def test_it_is_added_to_the_mean_over_octaves():
     image = image_tensor(texture(30, 34, 3))
-    plain = detection_logits(lambda x: x / 100, image, 2, 0)
+    plain = mean_over_octaves(lambda x: x / 100, image, 2, 1)
     with torch.autocast("cpu", torch.bfloat16):
-        found = detection_logits(lambda x: x / 100, image, 2, 0.25)
-    torch.testing.assert_close(found, plain + 0.25 * corner_strength(image))
+        found = detection_logits(lambda x: x / 100, image, Detection(2, 1, 0.25, 0.5))
+    torch.testing.assert_close(found, plain + 0.25 * corner_strength(image, 4) + 0.5 * corner_strength(image, 2))
+    torch.testing.assert_close(detection_logits(lambda x: x / 100, image, Detection(2, 1)), plain, rtol=0, atol=0)
+
+
+def test_by_default_it_is_what_a_network_learns():
+    image = image_tensor(texture(30, 34, 3))
+    torch.testing.assert_close(detection_logits(lambda x: x / 100, image, Detection()), image / 100, rtol=0, atol=0)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"octaves": 0}, "sees 1 to 8 octaves, not 0"),
+        ({"octaves": 1.5}, "not 1.5"),
+        ({"first_octave": -1}, r"first octave is 0 \(the image\) to 7, not -1"),
+        ({"first_octave": 8}, "not 8"),
+        ({"first_octave": 0.5}, "not 0.5"),
+        ({"corners": -0.1}, "corners weigh 0 to 10, not -0.1"),
+        ({"fine_corners": 10.5}, "fine_corners weigh 0 to 10, not 10.5"),
+        ({"fine_corners": float("nan")}, "not nan"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(options, told):
+    with pytest.raises(ValueError, match=told):
+        Detection(**options)
 
 
 def test_half_precision_does_not_reach_the_eigenvalues():
@@ -22,7 +47,7 @@ def test_half_precision_does_not_reach_the_eigenvalues():
     rows, columns = np.mgrid[:60, :60]
     edge = image_tensor(np.clip(128 + 40 * (columns - 30 + 0.37 * (rows - 30)), 0, 255).astype(np.uint8))
     with torch.autocast("cpu", torch.bfloat16):
-        found = detection_logits(lambda x: F.conv2d(x, torch.zeros(1, 1, 1, 1)), edge, 1, 1.0)
+        found = detection_logits(lambda x: F.conv2d(x, torch.zeros(1, 1, 1, 1)), edge, Detection(corners=1.0))
     torch.testing.assert_close(found, corner_strength(edge), rtol=0, atol=1e-4)
     image = edge.double()[0, 0].numpy()
     dy, dx = np.gradient(image)

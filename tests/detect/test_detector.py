@@ -287,6 +287,9 @@ def test_other_suppression_and_more_scales_than_the_checkpoint_has(tmp_path):
     cornered = SipsDetector.from_checkpoint(path, corners=2)
     same(cornered(GREY), SipsDetector(tiny_network(corners=2.0), PointSelector(3))(GREY))
     assert not np.array_equal(cornered(GREY).xy, SipsDetector.from_checkpoint(path)(GREY).xy)
+    halved = SipsDetector.from_checkpoint(path, first_octave=1, fine_corners=0.5)
+    same(halved(GREY), SipsDetector(tiny_network(first_octave=1, fine_corners=0.5), PointSelector(3))(GREY))
+    assert not np.array_equal(halved(GREY).xy, SipsDetector.from_checkpoint(path, first_octave=1)(GREY).xy)
     with pytest.raises(BadInputError, match="nms_radius is -1"):
         SipsDetector.from_checkpoint(path, nms_radius=-1)
     with pytest.raises(BadInputError, match="border is -1"):
@@ -295,6 +298,8 @@ def test_other_suppression_and_more_scales_than_the_checkpoint_has(tmp_path):
         SipsDetector.from_checkpoint(path, octaves=0)
     with pytest.raises(BadInputError, match="corners weigh 0 to 10, not -1"):
         SipsDetector.from_checkpoint(path, corners=-1)
+    with pytest.raises(BadInputError, match="first octave is 0"):
+        SipsDetector.from_checkpoint(path, first_octave=-1)
     with pytest.raises(BadInputError, match="1 to 32 scales"):
         SipsDetector.from_checkpoint(path, scales=0)
 

@@ -14,11 +14,11 @@ def ramp(height: int, width: int) -> torch.Tensor:
     return (3 * rows + columns)[None, None]
 
 
-@pytest.mark.parametrize("octaves", [1, 2, 3])
+@pytest.mark.parametrize(("octaves", "first"), [(1, 0), (2, 0), (3, 0), (1, 1), (2, 1), (1, 2)])
 @pytest.mark.parametrize("size", [(40, 56), (41, 55)])
-def test_every_octave_tells_the_same_place(octaves, size):
+def test_every_octave_tells_the_same_place(octaves, first, size):
     """A half-pixel off, and the ramp of a coarser octave would lie beside that of the image."""
-    found, inner = mean_over_octaves(lambda image: image, ramp(*size), octaves), slice(8, -8)
+    found, inner = mean_over_octaves(lambda image: image, ramp(*size), octaves, first), slice(8, -8)
     torch.testing.assert_close(found[..., inner, inner], ramp(*size)[..., inner, inner])
     assert found.shape == (1, 1, *size)
 
@@ -34,6 +34,18 @@ def test_the_mean_is_that_of_the_logits_of_an_image_and_of_its_half():
     expected = (image.astype(np.float32) ** 2 + larger) / 2
     found = mean_over_octaves(logits_of, image_tensor(image), 2)[0, 0].numpy()
     np.testing.assert_allclose(found[:46, :58], expected[:46, :58], rtol=1e-5)
+
+
+@pytest.mark.parametrize(("octaves", "first", "seen"), [(1, 0, [40]), (1, 1, [20]), (2, 1, [20, 10]), (1, 2, [10])])
+def test_only_octaves_from_the_first_on_are_scored(octaves, first, seen):
+    rows = []
+
+    def logits_of(x: torch.Tensor) -> torch.Tensor:
+        rows.append(round(x.shape[-2] / 10) * 10)  # an octave goes on for a pixel or two
+        return x
+
+    assert mean_over_octaves(logits_of, ramp(40, 56), octaves, first).shape == (1, 1, 40, 56)
+    assert rows == seen
 
 
 @pytest.mark.parametrize(("size", "expected"), [((1, 1), (2, 2)), ((2, 5), (2, 4)), ((6, 7), (4, 5))])

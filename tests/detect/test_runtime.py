@@ -21,7 +21,14 @@ def _nothing_measured(monkeypatch):
     monkeypatch.setattr(runtime, "_FASTEST", {})
 
 
-@pytest.mark.parametrize("options", [{"width": 8, "derivatives": True, "octaves": 2, "corners": 0.5}, {"width": 10}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"width": 8, "derivatives": True, "octaves": 2, "corners": 0.5},
+        {"width": 8, "derivatives": True, "first_octave": 1, "corners": 0.5, "fine_corners": 0.25},
+        {"width": 10},
+    ],
+)
 def test_all_runtimes_give_the_logits_of_the_network(options):
     torch.manual_seed(0)
     network = ScoreNetwork(5, **options).eval()

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from sips_lit.detect.corners import corner_strength
+from sips_lit.detect.corners import FINE_CELL, corner_strength
 from sips_lit.detect.octaves import enlarged, halves
 from sips_lit.detect.score_network import ScoreNetwork
 
@@ -242,13 +242,20 @@ def test_a_call_sees_all_octaves_and_corners_and_learning_one_octave():
     torch.testing.assert_close(net.interior(image, 5), one.interior(image, 5))
 
 
-@pytest.mark.parametrize("octaves", [0, 9, 1.5])
-def test_octaves_are_counted(octaves):
-    with pytest.raises(ValueError, match=f"sees 1 to 8 octaves, not {octaves}"):
-        ScoreNetwork(3, 4, octaves=octaves)
+def test_half_of_the_image_may_be_all_that_a_call_sees():
+    torch.manual_seed(0)
+    net, image = ScoreNetwork(4, 8, first_octave=1, fine_corners=0.5), noise(21, 22)
+    one = ScoreNetwork(4, 8)
+    one.load_state_dict(net.state_dict())
+    (half,) = halves(image, 2)
+    expected = enlarged(one(half), 1, (21, 22)) + corner_strength(image, FINE_CELL) / 2
+    torch.testing.assert_close(net(image), expected, rtol=0, atol=0)
+    rows, columns = torch.tensor([0, 7, 20]), torch.tensor([21, 3, 0])
+    torch.testing.assert_close(at(net, image, rows, columns, "patches"), at(one, image, rows, columns, "patches"))
 
 
-@pytest.mark.parametrize("corners", [-0.1, 10.5, float("nan")])
-def test_corners_weigh_something(corners):
-    with pytest.raises(ValueError, match=f"corners weigh 0 to 10, not {corners}"):
-        ScoreNetwork(3, 4, corners=corners)
+def test_detection_out_of_range_is_refused():
+    with pytest.raises(ValueError, match="sees 1 to 8 octaves, not 0"):
+        ScoreNetwork(3, 4, octaves=0)
+    with pytest.raises(ValueError, match="fine_corners weigh 0 to 10, not -1"):
+        ScoreNetwork(3, 4).detecting_by(fine_corners=-1)

@@ -18,7 +18,14 @@ def _low_strips(monkeypatch):
 
 
 @pytest.mark.usefixtures("_low_strips")
-@pytest.mark.parametrize("options", [{"width": 8, "derivatives": True, "octaves": 2, "corners": 0.5}, {"width": 10}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"width": 8, "derivatives": True, "octaves": 2, "corners": 0.5},
+        {"width": 8, "derivatives": True, "first_octave": 1, "corners": 0.5, "fine_corners": 0.25},
+        {"width": 10},
+    ],
+)
 @pytest.mark.parametrize("shape", [(1, 1, 97, 131), (2, 1, 60, 50), (1, 1, 5, 3), (1, 1, 1, 1)])
 def test_strips_give_the_logits_of_the_whole_image(options, shape):
     torch.manual_seed(0)
