@@ -17,28 +17,39 @@ CELL: Final = 4
 """Side of the squares of pixels, in pixels, of which 3 x 3 make the window of a structure tensor."""
 
 FINE_CELL: Final = 2
-"""The same for the window that tells where a corner is."""
+"""The same for the window that says where a corner is; `CELL` is a multiple."""
 
 USUAL: Final = 5.0
 """Subtracted: about what the best points of a photograph have, so that it changes their order, and scores little."""
 
 
-def corner_strength(image: Tensor, cell: int = CELL) -> Tensor:
+def corner_strength(image: Tensor, coarse: float = 1.0, fine: float = 0.0) -> Tensor:
     """Strength (B, 1, H, W) float32 of grey images (B, 1, H, W), 0 to 255: log(1 + the smaller eigenvalue) - `USUAL`.
 
-    The eigenvalue, in squared grey values a pixel, is that of the structure tensor over 3 x 3 cells of ``cell`` x ``cell``
-    pixels, linear between their centres; without any texture it is 0, and noise of a grey value hardly more.
+    The eigenvalue, in squared grey values a pixel, is that of the structure tensor over 3 x 3 cells, linear between their
+    centres; without any texture it is 0, and noise of a grey value hardly more. It is the sum of ``coarse`` times that over
+    cells of `CELL` x `CELL` pixels, and ``fine`` times that over cells of `FINE_CELL`; what weighs 0 is not computed.
     """
     height, width = image.shape[-2:]
     # eigenvalues are small differences of large numbers: nothing here is rounded under autocast
     # on by more than a cell: the last one is whole, and no side is of one cell, which torch.export would take for a constant
-    image = F.pad(image.float(), (1, 2 * cell, 1, 2 * cell), mode="replicate")
+    image = F.pad(image.float(), (1, 2 * CELL, 1, 2 * CELL), mode="replicate")
     dx = (image[..., 1:-1, 2:] - image[..., 1:-1, :-2]) / 2
     dy = (image[..., 2:, 1:-1] - image[..., :-2, 1:-1]) / 2
+    cell = FINE_CELL if fine else CELL
     cells = torch.cat([F.avg_pool2d(product, cell) for product in (dx * dx, dy * dy, dx * dy)], 1)
+    total = torch.zeros((), device=image.device)
+    if fine:
+        total = fine * _between_cells(cells, FINE_CELL, height, width)
+        cells = F.avg_pool2d(cells, CELL // FINE_CELL)
+    return total + coarse * _between_cells(cells, CELL, height, width) if coarse else total
+
+
+def _between_cells(cells: Tensor, cell: int, height: int, width: int) -> Tensor:
+    """Strength (B, 1, H, W) of the means (B, 3, h, w) of dx dx, dy dy and dx dy of each cell."""
     xx, yy, xy = F.avg_pool2d(F.pad(cells, (1, 1, 1, 1), mode="replicate"), 3, 1).chunk(3, 1)
     half = (xx - yy) / 2
     smaller = (xx + yy) / 2 - torch.sqrt(half * half + xy * xy)
     strength = torch.log1p(F.relu(smaller)) - USUAL  # rounding makes it negative
-    fine = F.interpolate(strength, scale_factor=float(cell), mode="bilinear", align_corners=False)
-    return fine[..., :height, :width]
+    between = F.interpolate(strength, scale_factor=float(cell), mode="bilinear", align_corners=False)
+    return between[..., :height, :width]

@@ -8,7 +8,7 @@ from typing import Final
 
 from torch import Tensor
 
-from sips_lit.detect.corners import CELL, FINE_CELL, corner_strength
+from sips_lit.detect.corners import corner_strength
 from sips_lit.detect.octaves import mean_over_octaves
 
 # a damaged checkpoint may ask for any number
@@ -46,7 +46,6 @@ class Detection:
 def detection_logits(logits_of: Callable[[Tensor], Tensor], image: Tensor, by: Detection) -> Tensor:
     """Logits (B, 1, H, W) of images (B, 1, H, W): the mean over octaves, and what ``by`` adds for corners."""
     logits = mean_over_octaves(logits_of, image, by.octaves, by.first_octave)
-    for weight, cell in ((by.corners, CELL), (by.fine_corners, FINE_CELL)):
-        if weight:
-            logits = logits + weight * corner_strength(image, cell)
+    if by.corners or by.fine_corners:
+        logits = logits + corner_strength(image, by.corners, by.fine_corners)
     return logits

@@ -18,7 +18,7 @@ from sips_lit.detect.detection_logits import detection_logits
 from sips_lit.detect.folding import block_side, folded_valid, whole_blocks
 from sips_lit.detect.score_network import ScoreNetwork
 
-STRIP_BYTES: Final = 3_000_000
+STRIP_BYTES: Final = 1_000_000
 """Of the widest layer of a strip in float32, about: with less, more rows are computed twice."""
 RADII: Final = 8
 """Rows of a strip at least, in radii of the network, whatever they take: a quarter more are seen."""

@@ -15,7 +15,7 @@ def test_it_is_added_to_the_mean_over_octaves():
     plain = mean_over_octaves(lambda x: x / 100, image, 2, 1)
     with torch.autocast("cpu", torch.bfloat16):
         found = detection_logits(lambda x: x / 100, image, Detection(2, 1, 0.25, 0.5))
-    torch.testing.assert_close(found, plain + 0.25 * corner_strength(image, 4) + 0.5 * corner_strength(image, 2))
+    torch.testing.assert_close(found, plain + corner_strength(image, 0.25, 0.5))
     torch.testing.assert_close(detection_logits(lambda x: x / 100, image, Detection(2, 1)), plain, rtol=0, atol=0)
 
 

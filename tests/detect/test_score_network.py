@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from sips_lit.detect.corners import FINE_CELL, corner_strength
+from sips_lit.detect.corners import corner_strength
 from sips_lit.detect.octaves import enlarged, halves
 from sips_lit.detect.score_network import ScoreNetwork
 
@@ -235,7 +235,7 @@ def test_a_call_sees_all_octaves_and_corners_and_learning_one_octave():
     rows, columns = torch.tensor([0, 7, 20]), torch.tensor([21, 3, 0])
     (half,) = halves(image, 2)
     mean = (one(image) + enlarged(one(half), 1, (21, 22))) / 2
-    torch.testing.assert_close(net(image), mean + corner_strength(image) / 2, rtol=0, atol=0)
+    torch.testing.assert_close(net(image), mean + corner_strength(image, 0.5), rtol=0, atol=0)
     assert (net(image) - one(image)).abs().max() > 1e-3
     for route in ("patches", "dense"):
         torch.testing.assert_close(at(net, image, rows, columns, route), at(one, image, rows, columns, route))
@@ -248,7 +248,7 @@ def test_half_of_the_image_may_be_all_that_a_call_sees():
     one = ScoreNetwork(4, 8)
     one.load_state_dict(net.state_dict())
     (half,) = halves(image, 2)
-    expected = enlarged(one(half), 1, (21, 22)) + corner_strength(image, FINE_CELL) / 2
+    expected = enlarged(one(half), 1, (21, 22)) + corner_strength(image, 0, 0.5)
     torch.testing.assert_close(net(image), expected, rtol=0, atol=0)
     rows, columns = torch.tensor([0, 7, 20]), torch.tensor([21, 3, 0])
     torch.testing.assert_close(at(net, image, rows, columns, "patches"), at(one, image, rows, columns, "patches"))
