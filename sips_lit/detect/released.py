@@ -12,7 +12,7 @@ WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the files, each with its model card."""
 SHA256: Final = {
     "sips-small": "f9ca6b3254e85db09e406ea17d4773d488cba305c06217e73514aca4dad3f927",
-    "sips-tiny": "d846dda56de72e04a78ca93dd34c3bd7c3a277d82e28ee97a176d69a71629067",
+    "sips-tiny": "856a22d67ee1ef7374fa91b3025507570500e7ed7d71b1b8bdf40d04b26de2cf",
 }
 """Names, with the hash of ``<name>.safetensors``."""
 DEFAULT: Final = "sips-small"
