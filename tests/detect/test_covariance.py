@@ -152,3 +152,14 @@ def test_covariances_go_with_their_points():
 
 def test_no_points_have_no_covariances():
     assert SipsDetector(with_head(), PointSelector()).detect(IMAGE, 0).covariance.shape == (0, 2, 2)
+
+
+@pytest.mark.parametrize("first_octave", [0, 1])
+def test_covariances_are_of_the_image_whatever_octaves_score(first_octave):
+    network = with_head(derivatives=True, first_octave=first_octave, octaves=2, corners=0.5)
+    image = image_tensor(IMAGE)
+    logits, numbers = network.logits_and_covariance_numbers(image)
+    torch.testing.assert_close(logits, network(image))
+    rows, columns = torch.tensor([0, 9, 31]), torch.tensor([7, 0, 22])
+    expected = network.covariance_numbers(image, rows, columns)
+    torch.testing.assert_close(numbers[0][:, rows, columns].T, expected, rtol=1e-4, atol=1e-5)
