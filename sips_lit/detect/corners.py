@@ -13,11 +13,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-CELL: Final = 4
-"""Side of the squares of pixels, in pixels, of which 3 x 3 make the window of a structure tensor."""
-
 FINE_CELL: Final = 2
-"""The same for the window that says where a corner is; `CELL` is a multiple."""
+"""Side of the squares of pixels, in pixels, of which 3 x 3 make the window that says where a corner is."""
+
+CELL: Final = 2 * FINE_CELL
+"""The same for the window that says how much of a corner there is."""
 
 USUAL: Final = 5.0
 """Subtracted: about what the best points of a photograph have, so that it changes their order, and scores little."""
@@ -47,7 +47,11 @@ def corner_strength(image: Tensor, coarse: float = 1.0, fine: float = 0.0) -> Te
 
 def _between_cells(cells: Tensor, cell: int, height: int, width: int) -> Tensor:
     """Strength (B, 1, H, W) of the means (B, 3, h, w) of dx dx, dy dy and dx dy of each cell."""
-    xx, yy, xy = F.avg_pool2d(F.pad(cells, (1, 1, 1, 1), mode="replicate"), 3, 1).chunk(3, 1)
+    cells = F.pad(cells, (1, 1, 1, 1), mode="replicate")
+    rows = (
+        cells[..., :-2, :] + cells[..., 1:-1, :] + cells[..., 2:, :]
+    )  # a tenth of the time of torch's pooling on a CPU
+    xx, yy, xy = ((rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / 9).chunk(3, 1)
     half = (xx - yy) / 2
     smaller = (xx + yy) / 2 - torch.sqrt(half * half + xy * xy)
     strength = torch.log1p(F.relu(smaller)) - USUAL  # rounding makes it negative
