@@ -48,9 +48,8 @@ def corner_strength(image: Tensor, coarse: float = 1.0, fine: float = 0.0) -> Te
 def _between_cells(cells: Tensor, cell: int, height: int, width: int) -> Tensor:
     """Strength (B, 1, H, W) of the means (B, 3, h, w) of dx dx, dy dy and dx dy of each cell."""
     cells = F.pad(cells, (1, 1, 1, 1), mode="replicate")
-    rows = (
-        cells[..., :-2, :] + cells[..., 1:-1, :] + cells[..., 2:, :]
-    )  # a tenth of the time of torch's pooling on a CPU
+    # sums of slices take a tenth of the time of torch's pooling on a CPU
+    rows = cells[..., :-2, :] + cells[..., 1:-1, :] + cells[..., 2:, :]
     xx, yy, xy = ((rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / 9).chunk(3, 1)
     half = (xx - yy) / 2
     smaller = (xx + yy) / 2 - torch.sqrt(half * half + xy * xy)
