@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import hydra
 
+from sips_lit.errors import warn_input
 from sips_lit.types import GreyImage
 
 _STATUS: Final = Path("/proc/self/status")  # getrusage has the peak of the parent, too
@@ -20,13 +21,19 @@ _BARE: Final = "from pathlib import Path; print(Path('/proc/self/status').read_t
 def peak_memory(detector: dict[str, Any], image: GreyImage, n: int, threads: int) -> float | None:
     """Megabytes (10^6 bytes) above a bare interpreter, libraries included, of finding ``n`` points twice.
 
-    ``detector``: its plain configuration. None where the system does not tell (it is not Linux), or where it fails.
+    ``detector``: its plain configuration. None where the system does not tell (it is not Linux), or, with a
+    warning, where its process fails.
     """
     if not _STATUS.is_file():
         return None
     given = pickle.dumps((detector, image, n, threads))
-    done = subprocess.run([sys.executable, "-m", __name__], input=given, capture_output=True, check=False)
-    return None if done.returncode else (_peak(done.stdout.decode()) - _bare()) / 1e6
+    # -P: not whatever is called sips_lit in the working folder
+    done = subprocess.run([sys.executable, "-P", "-m", __name__], input=given, capture_output=True, check=False)
+    if done.returncode:
+        *_, last = done.stderr.decode(errors="replace").split("\n")[:-1] or [f"exit code {done.returncode}"]
+        warn_input(f"the memory of {detector['_target_'].rpartition('.')[2]} could not be measured: {last}")
+        return None
+    return (_peak(done.stdout.decode()) - _bare()) / 1e6
 
 
 @cache
