@@ -17,17 +17,8 @@ from sips_lit.files import LONGEST_NAME, can_be_path
 PATH_KEYS: Final = frozenset(
     {"path", "root", "input", "output", "checkpoint", "ckpt_path", "pairs_file", "features", "images", "weights"}
     | {"init", "teacher"}
-    | {
-        "results",
-        "cache_dir",
-        "folder",
-        "index_folder",
-        "gradient_costs",
-        "dirpath",
-        "default_root_dir",
-        "dir",
-        "names",
-    }
+    | {"results", "cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir", "names"}
+    | {"gradient_costs"}
     | {"camera"}
 )
 """Last parts of the keys that hold paths and names of files; all keys of the group ``paths`` do, too."""

@@ -83,8 +83,8 @@ class SipsDetector(BaseDetector):
         points on so many pixels along the border (on small images a sixteenth of the shorter side); ``scales``:
         levels of the image pyramid, for cameras that come nearer and turn, which a network trained on one level takes, too;
         ``octaves``: how many are scored together, ``first_octave``: 0 from the image on, 1 from half of it on, which takes a
-        quarter of the time; ``corners``: weight of how much of a corner a point is (`sips_lit.detect.corners`), 0 for the
-        network alone, ``fine_corners``: weight of the same close around it, which says where a point of half the image is.
+        quarter of the time; ``corners``: weight of how much of a corner there is around a point (`sips_lit.detect.corners`),
+        ``fine_corners``: of the same close around it, which says where a point of half the image is; 0: without.
         None: those of the file. ``runtime``: what executes the network, torch, onnxruntime, openvino or auto (the fastest
         that is installed for each image size, so last digits may differ from run to run); ``precision``: 32 or bf16.
 

@@ -90,26 +90,23 @@ class RememberedCosts:
 
     def get(self, of: str) -> RouteCosts | None:
         """The costs of that setting; None where they were never measured."""
-        stored = self._read().get(of)
-        return None if stored is None else RouteCosts(**stored)
+        return self._read().get(of)
 
     def put(self, of: str, costs: RouteCosts) -> None:
         """Stores the costs of a setting. Raises StorageError when they can't be written."""
         if self.path is None:
             return
+        known = {name: asdict(each) for name, each in {**self._read(), of: costs}.items()}
         make_folder(self.path.parent)
-        write_whole(self.path, json.dumps({**self._read(), of: asdict(costs)}, indent=1).encode())
+        write_whole(self.path, json.dumps(known, indent=1).encode())
 
-    def _read(self) -> dict[str, dict[str, float]]:
+    def _read(self) -> dict[str, RouteCosts]:
         if self.path is None or not self.path.exists():
             return {}
         try:
-            stored: dict[str, dict[str, float]] = json.loads(self.path.read_text("utf-8"))
-            every = [
-                cost for costs in stored.values() for cost in (RouteCosts(**costs).pixel, RouteCosts(**costs).point)
-            ]
-            if all(0 < cost < math.inf for cost in every):
-                return stored
+            known = {of: RouteCosts(**costs) for of, costs in json.loads(self.path.read_text("utf-8")).items()}
+            if all(0 < cost < math.inf for costs in known.values() for cost in (costs.pixel, costs.point)):
+                return known
         except (OSError, ValueError, TypeError, AttributeError):
             pass
         warn_input(f"{self.path} is damaged: what routes of the gradient cost is measured again")
