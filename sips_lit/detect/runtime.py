@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.util import find_spec
 from typing import Any, Final, Literal, Protocol, get_args
 
@@ -20,13 +21,12 @@ from sips_lit.detect.openvino_package import openvino_core
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import Scorer
 from sips_lit.detect.strips import logits_by_strips
+from sips_lit.detect.turns import least_seconds
 from sips_lit.errors import BadInputError, import_extra
 
 RuntimeName = Literal["torch", "onnxruntime", "openvino", "auto"]
 Precision = Literal["32", "bf16"]
 
-ROUNDS: Final = 3
-"""Turns of each runtime in a measurement of ``auto``."""
 SIZES_KEPT: Final = 16
 """Image sizes that OpenVINO keeps its models of: it is a fifth faster where it knows the size."""
 _PACKAGES: Final[dict[str, tuple[str, ...]]] = {
@@ -188,19 +188,12 @@ class Fastest:
         return self.chosen(image)(image)
 
     def chosen(self, image: Tensor) -> ScoreRuntime:
-        """The runtime for images of this size: the one whose fastest of `ROUNDS` turns was the fastest."""
+        """The runtime for images of this size: the one that took the `least_seconds`."""
         if len(self.runtimes) == 1:
             return self.runtimes[0]
         key = (*self.key, tuple(image.shape))
         if key not in _FASTEST:
-            times: dict[str, float] = {}
-            for turn in range(ROUNDS + 1):
-                for runtime in self.runtimes:
-                    start = self._clock()
-                    runtime(image)
-                    taken = self._clock() - start
-                    if turn > 0:  # the first compiles
-                        times[runtime.name] = min(taken, times.get(runtime.name, taken))
+            times = least_seconds({each.name: partial(each, image) for each in self.runtimes}, self._clock)
             _FASTEST[key] = min(times, key=times.__getitem__)
         return next(runtime for runtime in self.runtimes if runtime.name == _FASTEST[key])
 

@@ -11,19 +11,18 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import get_args
 
 import torch
 from torch import Tensor
 
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.detect.selection import SelectedPoints, logits_at
+from sips_lit.detect.turns import least_seconds
 from sips_lit.errors import warn_input
 from sips_lit.files import make_folder, write_whole
-
-ROUNDS: Final = 3
-"""Turns of each route in a measurement, after a first one that takes memory and compiles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,24 +50,18 @@ def measured_costs(
     points: Sequence[SelectedPoints],
     clock: Callable[[], float] = time.perf_counter,
 ) -> RouteCosts:
-    """What each route costs for these images (1, 1, H, W) and points, the least of `ROUNDS` turns. No gradient is kept."""
+    """What each route costs for these images (1, 1, H, W) and points. No gradient is kept."""
     weights = [weight for weight in network.parameters() if weight.requires_grad]
-    taken: dict[Gradient, list[float]] = {"dense": [], "patches": []}
-    for _ in range(ROUNDS + 1):
-        for route, times in taken.items():
-            _finish(images[0].device)
-            start = clock()
-            logits = logits_at(network, images, points, route)
-            torch.autograd.grad(torch.cat(logits).sum(), weights, allow_unused=True)
-            _finish(images[0].device)
-            times.append(clock() - start)
+
+    def run(route: Gradient) -> None:
+        logits = logits_at(network, images, points, route)
+        torch.autograd.grad(torch.cat(logits).sum(), weights, allow_unused=True)
+        if images[0].device.type == "cuda":
+            torch.cuda.synchronize(images[0].device)
+
+    taken = least_seconds({route: partial(run, route) for route in get_args(Gradient)}, clock)
     pixels, count = sum(image.numel() for image in images), sum(map(len, points))
-    return RouteCosts(min(taken["dense"][1:]) / pixels, min(taken["patches"][1:]) / count)
-
-
-def _finish(device: torch.device) -> None:
-    if device.type == "cuda":
-        torch.cuda.synchronize(device)
+    return RouteCosts(taken["dense"] / pixels, taken["patches"] / count)
 
 
 def setting(network: ScoreNetwork, device: torch.device, precision: str, compiled: bool) -> str:

@@ -28,7 +28,7 @@ def test_the_route_that_costs_less_for_all_images_is_taken(point, route):
 
 def test_costs_are_the_least_of_the_turns_by_pixel_and_by_point():
     dense, patches = [900.0, 40.0, 38.0, 41.0], [900.0, 20.0, 21.0, 19.0]
-    gaps = [gap for turn in zip(dense, patches, strict=True) for gap in (1.0, turn[0], 1.0, turn[1])]
+    gaps = [gap for turn in zip(patches, dense, strict=True) for gap in (1.0, turn[0], 1.0, turn[1])]
     ticks = iter(accumulate(gaps))
     costs = measured_costs(NETWORK, IMAGES, POINTS, clock=lambda: next(ticks))
     assert costs.pixel == pytest.approx(38 / 3800)
