@@ -70,7 +70,7 @@ class Talks(L.Callback):
 
 
 @pytest.mark.parametrize("terminal", [False, True])
-def test_what_else_is_printed_leaves_the_progress_alone(monkeypatch, tmp_path, capsys, terminal):
+def test_what_else_is_printed_stands_between_the_lines(monkeypatch, tmp_path, capsys, terminal):
     err, clock = as_stderr(monkeypatch, terminal), Clock()
     run(TrainingBar() if terminal else TrainingLines(clock=clock), tmp_path, clock, more=[Talks()])
     assert capsys.readouterr().out == "something else\n" * 2
