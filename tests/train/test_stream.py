@@ -1,8 +1,10 @@
 import multiprocessing
+import os
 import signal
 import subprocess
 import sys
 import time
+from multiprocessing import connection
 from pathlib import Path
 
 import pytest
@@ -47,6 +49,22 @@ def test_an_item_that_never_comes_is_told_by_its_name():
     with pytest.raises(BadInputError, match=told):
         next(squares)
     assert mp.active_children() == []
+
+
+def test_a_worker_that_dies_interrupts_nothing_but_the_fetching_of_items():
+    squares = loaded(Squares(200), range(200), 2, 30)
+    assert next(squares) == 0
+    children = mp.active_children()
+    assert len(children) == 2
+    for child in children:
+        os.kill(child.pid, signal.SIGKILL)
+    for child in children:
+        assert connection.wait([child.sentinel], 10)
+    time.sleep(0.2)  # the system has told of their ends by now
+    with pytest.raises(RuntimeError, match=r"DataLoader worker .* exited unexpectedly"):
+        list(squares)
+    assert mp.active_children() == []
+    assert [child.exitcode for child in children] == [-signal.SIGKILL] * 2
 
 
 def test_one_process_has_its_own_state_only():
