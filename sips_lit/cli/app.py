@@ -125,11 +125,17 @@ def quiet_lightning() -> None:
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
 
 
-def build(node: DictConfig, **extra: Any) -> Any:
+def build(node: DictConfig | str | None, **extra: Any) -> Any:
     """What a node of the configuration describes; ``extra`` adds constructor arguments.
 
-    Raises BadInputError for a value of the wrong type.
+    Raises BadInputError for a value of the wrong type, and for a mere name.
     """
+    if isinstance(node, str):
+        raise BadInputError(
+            f"the name {node!r} stands where a whole configuration belongs: choose it on the command line (inliers=klt), in "
+            "an experiment's defaults (- override /inliers: klt), or there for a pair set alone "
+            "(- /inliers@pair_sets.NAME.inliers: klt)"
+        )
     refuse_wrong_types(node)
     return hydra.utils.instantiate(node, _convert_="all", **extra)
 

@@ -8,7 +8,7 @@ import torch
 from omegaconf import OmegaConf
 from omegaconf.errors import MissingMandatoryValue
 
-from sips_lit.cli.app import fast_precision, run, typed
+from sips_lit.cli.app import build, fast_precision, run, typed
 from sips_lit.errors import BadInputError
 
 
@@ -124,3 +124,9 @@ def test_a_file_of_the_configuration_that_can_not_be_read(command, folders, cont
 def test_half_precision_only_on_processors_that_are_faster_with_it(flags, precision, monkeypatch):
     monkeypatch.setattr("sips_lit.cli.app.cpu_flags", lambda: flags)
     assert fast_precision() == precision
+
+
+def test_a_name_where_a_configuration_belongs_is_told_of_with_what_to_write():
+    assert build(None) is None
+    with pytest.raises(BadInputError, match=r"the name 'klt' stands where .*- override /inliers: klt"):
+        build("klt")
