@@ -13,6 +13,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from sips_lit.detect.octaves import half_size
+
 FINE_CELL: Final = 2
 """Side of the squares of pixels, in pixels, of which 3 x 3 make the window that says where a corner is."""
 
@@ -36,13 +38,11 @@ def corner_strength(image: Tensor, coarse: float = 1.0, fine: float = 0.0) -> Te
     image = F.pad(image.float(), (1, 2 * CELL, 1, 2 * CELL), mode="replicate")
     dx = (image[..., 1:-1, 2:] - image[..., 1:-1, :-2]) / 2
     dy = (image[..., 2:, 1:-1] - image[..., :-2, 1:-1]) / 2
-    cell = FINE_CELL if fine else CELL
-    cells = torch.cat([F.avg_pool2d(product, cell) for product in (dx * dx, dy * dy, dx * dy)], 1)
+    cells = torch.cat([half_size(product) for product in (dx * dx, dy * dy, dx * dy)], 1)
     total = torch.zeros((), device=image.device)
     if fine:
         total = fine * _between_cells(cells, FINE_CELL, height, width)
-        cells = F.avg_pool2d(cells, CELL // FINE_CELL)
-    return total + coarse * _between_cells(cells, CELL, height, width) if coarse else total
+    return total + coarse * _between_cells(half_size(cells), CELL, height, width) if coarse else total
 
 
 def _between_cells(cells: Tensor, cell: int, height: int, width: int) -> Tensor:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import torch
 import torch.nn.functional as F
 from torch import Tensor
 
@@ -34,9 +35,22 @@ def halves(image: Tensor, octaves: int) -> list[Tensor]:
     """
     levels = []
     for _ in range(1, octaves):
-        image = F.avg_pool2d(F.pad(image, (0, 3, 0, 3), mode="replicate"), 2)
+        image = half_size(F.pad(image, (0, 3, 0, 3), mode="replicate"))
         levels.append(image)
     return levels
+
+
+def half_size(values: Tensor) -> Tensor:
+    """The means (B, C, H // 2, W // 2) of 2 x 2 neighbours of ``values`` (B, C, H, W), by sums in the order of pooling.
+
+    Sums of slices take a fifth of the time of torch's pooling on a CPU; of an odd size `torch.export` can't tell that they
+    fit each other.
+    """
+    if torch.compiler.is_exporting():
+        return F.avg_pool2d(values, 2)
+    height, width = values.shape[-2] // 2 * 2, values.shape[-1] // 2 * 2
+    upper, lower = values[..., 0:height:2, :width], values[..., 1:height:2, :width]
+    return (upper[..., 0::2] + upper[..., 1::2] + lower[..., 0::2] + lower[..., 1::2]) / 4
 
 
 def enlarged(logits: Tensor, octave: int, size: tuple[int, int]) -> Tensor:

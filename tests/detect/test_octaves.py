@@ -2,9 +2,10 @@ import cv2
 import numpy as np
 import pytest
 import torch
+import torch.nn.functional as F
 from textured_scenes import texture
 
-from sips_lit.detect.octaves import enlarged, halves, mean_over_octaves
+from sips_lit.detect.octaves import enlarged, half_size, halves, mean_over_octaves
 from sips_lit.detect.selection import image_tensor
 
 
@@ -59,3 +60,9 @@ def test_an_image_goes_on_with_its_last_pixels():
     (half,) = halves(torch.tensor([[1.0, 2.0, 4.0]])[None, None], 2)
     assert half[0, 0].tolist() == [[1.5, 4.0, 4.0]] * 2
     assert halves(ramp(3, 3), 1) == []
+
+
+@pytest.mark.parametrize("size", [(2, 3, 8, 10), (1, 1, 9, 7), (1, 3, 2, 3)])
+def test_half_size_is_what_pooling_gives(size):
+    values = 1000 * torch.randn(size, generator=torch.Generator().manual_seed(0))
+    torch.testing.assert_close(half_size(values), F.avg_pool2d(values, 2), rtol=0, atol=0)
