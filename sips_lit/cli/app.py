@@ -87,7 +87,16 @@ def run(
             ):
                 raise
             why = " ".join(str(error).split())
+            if _of_launcher(error):
+                raise BadInputError(f"the launcher of the jobs (hydra.launcher) fails: {why}") from error
             raise BadInputError(f"a file of the configuration can't be read: {why}") from error
+
+
+def _of_launcher(error: Exception) -> bool:
+    """Whether a launcher, a package within `hydra_plugins`, was running, and was not composing its jobs."""
+    files = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)]
+    composing = any(file.name == "config_loader_impl.py" for file in files)
+    return not composing and any("hydra_plugins" in file.parts[:-2] for file in files)
 
 
 @contextmanager

@@ -116,6 +116,22 @@ def test_a_file_of_the_configuration_that_can_not_be_read(command, folders, cont
     assert re.search(f"a file of the configuration can't be read: .*{reason}", result.sentence)
 
 
+def test_a_sweep_over_a_file_that_can_not_be_read(command, folders):
+    (folders / "experiment").mkdir()
+    (folders / "experiment" / "mine.yaml").write_text("a: [1")
+    result = command(
+        "index", "-m", "--config-dir", folders, "+experiment=mine", "data=folder", "data.path=x", "shard=1/2,2/2"
+    )
+    assert "a file of the configuration can't be read: " in result.sentence
+
+
+def test_a_launcher_that_fails_is_told_as_one(command, frames):
+    pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="needs the extra sweep")
+    launcher = "hydra/launcher=joblib", "hydra.launcher.n_jobs=0"
+    result = command("index", "-m", "data=folder", f"data.path={frames}", "shard=1/2,2/2", *launcher)
+    assert result.sentence.startswith("the launcher of the jobs (hydra.launcher) fails: n_jobs == 0")
+
+
 @pytest.mark.skipif(torch.cuda.is_available(), reason="a GPU decides, not the processor")
 @pytest.mark.parametrize(
     ("flags", "precision"),
