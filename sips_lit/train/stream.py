@@ -10,7 +10,8 @@ import sys
 import threading
 from collections.abc import Generator, Sequence
 from functools import partial
-from typing import Any, Protocol, cast
+from multiprocessing import connection
+from typing import Any, Protocol
 
 import cv2
 import torch
@@ -88,30 +89,28 @@ class _Stream:
     ``yielding``: whether the workers run only where a core is idle; else a busy machine can't starve them.
     """
 
-    def __init__(self, dataset: Items, indices: Sequence[int], workers: int, yielding: bool = True) -> None:
+    def __init__(self, items: Items, indices: Sequence[int], workers: int, yielding: bool = True) -> None:
         others = mp.active_children()
         initialise = partial(_quiet_worker, yielding)
         loader: DataLoader[Any] = DataLoader(
-            Subset(dataset, indices),  # type: ignore[arg-type]  # a dataset by what it does
+            Subset(items, indices),  # type: ignore[arg-type]  # a dataset by what it does
             batch_size=None,
             num_workers=workers,
             worker_init_fn=initialise,
             multiprocessing_context=_context(workers),
         )
-        self._items = items = cast(Any, iter(loader))
-        if getattr(items, "_worker_pids_set", False):
-            # A worker that dies is noticed when its item is wanted. The DataLoader's signal handler would raise at once,
-            # whatever this thread is doing: in Process.join, the worker's end would be lost, and it would count as alive.
-            _remove_worker_pids(id(items))
-            items._worker_pids_set = False
+        self._items: Any = iter(loader)
         self._workers = [child for child in mp.active_children() if child not in others]
+        if self._workers:
+            # with no end of the pipe left here, what is read from it ends with the workers, in the middle of an item, too
+            self._items._worker_result_queue._writer.close()
 
     def next(self, timeout: float) -> Any:
         """What comes next, None at the end.
 
-        Raises WorkersHung after ``timeout`` seconds, and RuntimeError for a worker that died, as the DataLoader does
-        (it looks every 5 seconds); if its pixels were just being fetched, too. A worker that hangs can block that: the
-        DataLoader's own timeout would not notice.
+        Raises WorkersHung after ``timeout`` seconds, and RuntimeError for a worker that died, as the DataLoader does; if
+        its pixels were just being fetched, too. A worker that hangs can block that: the DataLoader's own timeout
+        would not notice.
         """
         hung = threading.Event()
         watchdog = threading.Timer(timeout, self._kill, [hung])
@@ -129,12 +128,18 @@ class _Stream:
     def _fetch(self) -> Any:
         try:
             return next(self._items, None)
-        except (EOFError, ConnectionError) as error:
+        except (EOFError, OSError) as error:
+            if getattr(error, "errno", None) is not None and not isinstance(error, ConnectionError):
+                raise
+            for worker in self._workers:
+                worker.join(1)  # the DataLoader raises its own error as soon as the system tells it, at the latest here
             raise RuntimeError("a DataLoader worker that was read from exited unexpectedly") from error
 
     def close(self) -> None:
         """Ends the workers, by force if they do not end soon."""
         if self._workers and not self._items._shutdown:
+            _remove_worker_pids(id(self._items))  # else the DataLoader takes those that are killed for a failure
+            self._items._worker_pids_set = False
             patience = threading.Timer(SECONDS_TO_END, self._kill)
             if sys.is_finalizing():
                 self._kill()  # no thread starts any more, and to wait for its start would never end
@@ -142,12 +147,25 @@ class _Stream:
                 patience.start()
             self._items._shutdown_workers()
             patience.cancel()
+        for worker in self._workers:
+            _settle(worker)
 
     def _kill(self, noted: threading.Event | None = None) -> None:
         if noted is not None:
             noted.set()
         for worker in self._workers:
             worker.kill()
+
+
+def _settle(worker: multiprocessing.process.BaseProcess) -> None:
+    """Notes that a worker has ended where its exit code was lost; else it would count as alive for ever.
+
+    The DataLoader's handler of SIGCHLD raises wherever the main thread is, and so between the moment in which the system
+    gives away the exit code, once, and that in which Python keeps it.
+    """
+    worker.join(SECONDS_TO_END)
+    if worker.exitcode is None and connection.wait([worker.sentinel], 0):
+        worker._popen.returncode = -signal.SIGKILL  # type: ignore[attr-defined]  # as those that are killed
 
 
 def step_back() -> None:

@@ -193,7 +193,9 @@ def test_only_images_move_to_the_device(expected):
     assert moved.labels1 is expected[0].labels1
 
 
-@pytest.mark.parametrize("error", [EOFError(), ConnectionResetError(104, "reset by peer")])
+@pytest.mark.parametrize(
+    "error", [EOFError(), ConnectionResetError(104, "reset by peer"), OSError("got end of file during message")]
+)
 def test_a_worker_that_dies_while_it_is_read_from_is_a_lost_worker(error, monkeypatch):
     class Dying:
         def __init__(self, *args, **options):
