@@ -11,7 +11,7 @@ import threading
 from collections.abc import Generator, Sequence
 from functools import partial
 from multiprocessing import connection
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import cv2
 import torch
@@ -103,7 +103,7 @@ class _Stream:
         self._workers = [child for child in mp.active_children() if child not in others]
         if self._workers:
             # with no end of the pipe left here, what is read from it ends with the workers, in the middle of an item, too
-            self._items._worker_result_queue._writer.close()
+            cast(Any, self._items)._worker_result_queue._writer.close()
 
     def next(self, timeout: float) -> Any:
         """What comes next, None at the end.
