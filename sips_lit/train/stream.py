@@ -154,6 +154,9 @@ class _Stream:
         if noted is not None:
             noted.set()
         for worker in self._workers:
+            if hasattr(os, "SCHED_OTHER"):
+                with contextlib.suppress(OSError):  # one that runs only where a core is idle would die only then
+                    os.sched_setscheduler(worker.pid or 0, os.SCHED_OTHER, os.sched_param(0))
             worker.kill()
 
 
