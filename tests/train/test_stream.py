@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -75,16 +75,40 @@ def kill_and(go_on: Callable[[], object], children: Sequence[multiprocessing.pro
     go_on()
 
 
+def interrupt(*_: object) -> None:
+    raise TimeoutError
+
+
+@pytest.fixture
+def no_signal() -> Iterator[Callable[[], object]]:
+    """``no_signal()``: the DataLoader hears of no worker's end, as where workers are started by a server of forks.
+
+    SIGALRM interrupts what waits.
+    """
+    before = signal.getsignal(signal.SIGCHLD)
+    alarm = signal.signal(signal.SIGALRM, interrupt)
+    yield lambda: signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.signal(signal.SIGCHLD, before)
+    signal.signal(signal.SIGALRM, alarm)
+
+
+@pytest.mark.parametrize("heard", [True, False])
 @pytest.mark.parametrize("items", [Squares, Boxes])
-def test_workers_that_are_killed_end_the_stream(items):
+def test_workers_that_are_killed_end_the_stream(items, heard, no_signal):
     """Workers with large items die in the middle of one, and nothing comes from the pipe any more."""
     stream = loaded(items(200), range(200), 2, 30)
     next(stream)
     children = mp.active_children()
     assert len(children) == 2
     time.sleep(0.3)
+    if not heard:
+        no_signal()
+    began = time.monotonic()
+    signal.alarm(60)  # interrupts a read that never ends
     with pytest.raises(RuntimeError, match=r"DataLoader worker .* (killed by signal|exited unexpectedly)"):
         kill_and(lambda: list(stream), children)
+    signal.alarm(0)
+    assert time.monotonic() - began < 50
     stream.close()
     assert mp.active_children() == []
 
