@@ -17,10 +17,12 @@ import torch
 from lightning.pytorch.callbacks import Checkpoint
 from torch import Tensor
 
+from sips_lit.callbacks.slurm import in_job, requeue
 from sips_lit.errors import BadInputError, TrainingInterrupted
 from sips_lit.files import make_folder, write_whole
 
 SECONDS_TO_END = 10  # of a process that has stopped together with the first one
+WARNINGS = tuple(getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name))  # of schedulers
 
 
 class NonFiniteGuard(L.Callback):
@@ -59,6 +61,10 @@ class GracefulStop(Checkpoint):
     A validation that runs or is due comes first: a resumed run would leave it out. Of several processes any may get the
     signal: all stop at the same step. Ctrl-C after that stops at once and saves nothing; another SIGTERM is no haste, as
     schedulers send it twice. Being a Checkpoint, this comes after the callbacks that measure and save a validation.
+
+    A scheduler warns of a preemption or of the time limit by SIGUSR1 or SIGUSR2: the run stops in the same way, then who
+    listened to that signal before is called, such as submitit, which has the job started again. In a job of Slurm
+    to whose SIGUSR1 nobody listens Slurm is asked for that here.
     """
 
     def __init__(self, checkpoint: str | Path) -> None:
@@ -71,7 +77,10 @@ class GracefulStop(Checkpoint):
         self.requested = 0
         trainer._signal_connector._sigterm_notifier_fn = lambda *_: None  # type: ignore[method-assign]  # Lightning has no switch
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
+            warned = [number for number in WARNINGS if callable(signal.getsignal(number))]
+            if in_job() and signal.SIGUSR1 not in warned:  # Lightning would save in the middle of a step
+                warned.append(signal.SIGUSR1)
+            for number in (signal.SIGINT, signal.SIGTERM, *warned):
                 self._previous[number] = signal.signal(number, self._on_signal)
 
     def on_train_batch_end(
@@ -96,14 +105,27 @@ class GracefulStop(Checkpoint):
             number = int(trainer.strategy.reduce(asked, reduce_op="max"))
         if number:
             trainer.save_checkpoint(self.checkpoint)
+            again = self._ask_for_another_start(trainer, number) if number in WARNINGS else ""
             if not trainer.is_global_zero:
                 raise SystemExit(0)  # the first process tells; where Lightning launched them, another code kills it
-            raise TrainingInterrupted(f"stopped at step {trainer.global_step} and saved {self.checkpoint}", number)
+            raise TrainingInterrupted(
+                f"stopped at step {trainer.global_step} and saved {self.checkpoint}{again}", number
+            )
+
+    def _ask_for_another_start(self, trainer: L.Trainer, number: int) -> str:
+        """What comes of it; who listened before may end the process."""
+        if self._previous.pop(signal.SIGTERM, None) is not None:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the scheduler ends the job so, while it cleans up
+        listener = self._previous.get(number)
+        if callable(listener):
+            listener(number, None)
+            return ""
+        return f"; {requeue()}" if trainer.is_global_zero else ""
 
     def teardown(self, trainer: L.Trainer, pl_module: L.LightningModule, stage: str) -> None:
         """Gives the signals back, and passes on one that came after the last validation."""
         self._give_back()
-        if self.requested:
+        if self.requested and signal.getsignal(self.requested) is not signal.SIG_DFL:
             signal.raise_signal(self.requested)
 
     def on_exception(self, trainer: L.Trainer, pl_module: L.LightningModule, exception: BaseException) -> None:

@@ -108,9 +108,13 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return f"{key} is not set: add {key}=... to the command"
         if type(cause).__name__ == MISCONFIGURED:
             return str(cause)  # values that Lightning finds to fit the data or each other only when it has both
-        if isinstance(cause, InstantiationException) and type(cause.__cause__).__name__ in REFUSED:
-            where = re.search(r"full_key: (\S+)", str(cause))
-            return f"{where[1] if where else 'the configuration'} can't be made: {cause.__cause__}"
+        if isinstance(cause, InstantiationException):
+            where, why = re.search(r"full_key: (\S+)", str(cause)), type(cause.__cause__).__name__
+            key = where[1] if where else "the configuration"
+            if why in REFUSED or (
+                why == "RuntimeError" and key == "trainer"
+            ):  # by which Lightning refuses jobs of Slurm
+                return f"{key} can't be made: {cause.__cause__}"
         if isinstance(cause, RuntimeError) and _LOST_WORKER.search(str(cause)):
             return (
                 "a loading worker was killed (for want of memory?): try datamodule.loading_workers=0, or smaller images"

@@ -13,6 +13,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from sips_lit.callbacks.continuation import RECORD, identity_of
+from sips_lit.callbacks.slurm import started_again
 from sips_lit.cli.arguments import holds_path
 from sips_lit.cli.explain import origin
 from sips_lit.detect.checkpoint import digest_of, read_checkpoint
@@ -75,14 +76,17 @@ def find_start(config: DictConfig, record: Mapping[str, Any]) -> Start | None:
     """The checkpoint that ``ckpt_path`` asks for: none, a file, or with "last" the last one of this run.
 
     That is in the run folder, or else the newest below ``paths.outputs`` that has the identity of this run. In a multirun
-    it is in the job's folder, and a job that had not begun has none. Raises BadInputError when there is no such file, when
-    it is damaged or of another run, or when it leaves no step to make.
+    it is in the job's folder, and a job that had not begun has none. A job that Slurm starts again goes on from
+    its own, whatever it was asked for. Raises BadInputError when there is no such file, when it is damaged or of another
+    run, or when it leaves no step to make.
     """
-    if config.ckpt_path is None:
+    own = Path(config.paths.run) / "checkpoints" / "last.ckpt"
+    wanted = "last" if started_again() and own.is_file() else config.ckpt_path
+    if wanted is None:
         return None
-    path = Path(config.ckpt_path)
-    if config.ckpt_path == "last":
-        path = Path(config.paths.run) / "checkpoints" / "last.ckpt"
+    path = Path(wanted)
+    if wanted == "last":
+        path = own
         if not path.is_file() and HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN:
             _require_begun(Path(HydraConfig.get().sweep.dir))
             return None

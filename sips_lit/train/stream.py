@@ -192,7 +192,13 @@ def _quiet_worker(yielding: bool, _: int) -> None:
     """A loading worker leaves the threads to the network, and signals that all processes get to the parent."""
     cv2.setNumThreads(0)  # forked OpenCV threads hang
     torch.set_num_threads(1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for name in (
+        "SIGINT",
+        "SIGUSR1",
+        "SIGUSR2",
+    ):  # schedulers warn by the latter; a forked worker has their listeners, too
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     if hasattr(signal, "sigwaitinfo"):  # Linux
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
         threading.Thread(target=_end_for_parent, args=(os.getppid(),), daemon=True).start()

@@ -166,6 +166,82 @@ def test_an_error_ends_the_processes_that_wait_for_this_one(stop):
     assert processes == []  # nobody watches them any more
 
 
+@pytest.fixture
+def warned(tmp_path):
+    """A stop in whose process somebody listens to SIGUSR2, and what it heard."""
+    names = "SIGINT", "SIGTERM", "SIGUSR1", "SIGUSR2"
+    before = {name: signal.getsignal(getattr(signal, name)) for name in names}
+    heard = []
+    signal.signal(signal.SIGUSR2, lambda number, frame: heard.append((number, frame)))
+    callback = GracefulStop(tmp_path / "last.ckpt")
+    callback.on_fit_start(Trainer(), None)
+    yield callback, heard
+    for name, handler in before.items():
+        signal.signal(getattr(signal, name), handler)
+
+
+def test_who_listens_to_a_warning_hears_of_it_when_the_checkpoint_is_there(warned):
+    callback, heard = warned
+    trainer = Trainer(accumulate_grad_batches=2)
+    os.kill(os.getpid(), signal.SIGUSR2)
+    batch_end(callback, trainer, 6)
+    assert trainer.saved == heard == []  # in the middle of a step
+    with pytest.raises(TrainingInterrupted, match=r"saved .*last\.ckpt$") as caught:
+        batch_end(callback, trainer, 7)
+    assert caught.value.number == signal.SIGUSR2
+    assert len(trainer.saved) == 1
+    assert heard == [(signal.SIGUSR2, None)]
+    os.kill(os.getpid(), signal.SIGTERM)  # the scheduler's, which must not end the cleaning up
+
+
+def test_a_warning_to_which_nobody_listens_is_not_touched(stop):
+    assert signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL
+    assert signal.getsignal(signal.SIGUSR2) is signal.SIG_DFL
+
+
+def test_a_listener_that_ends_the_process_does_so_after_the_checkpoint(warned):
+    callback, _ = warned
+    signal.signal(signal.SIGUSR2, lambda *_: None)
+
+    def leave(*_):
+        raise SystemExit(-1)  # as submitit's does
+
+    callback._previous[signal.SIGUSR2] = leave
+    callback.requested = signal.SIGUSR2
+    trainer = Trainer()
+    with pytest.raises(SystemExit) as caught:
+        batch_end(callback, trainer, 6)
+    assert caught.value.code == -1
+    assert len(trainer.saved) == 1
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_in_a_job_of_slurm_a_warning_asks_for_another_start(tmp_path, monkeypatch, warned, first):
+    asked = []
+    monkeypatch.setenv("SLURM_JOB_ID", "7")
+    monkeypatch.setattr("sips_lit.callbacks.guard.requeue", lambda: asked.append(1) or "Slurm starts job 7 again")
+    strategy = SimpleNamespace(launcher=None, root_device="cpu", reduce=lambda number, reduce_op: number)
+    trainer = Trainer(world_size=2, strategy=strategy, is_global_zero=first)
+    callback = GracefulStop(tmp_path / "last.ckpt")
+    callback.on_fit_start(trainer, None)
+    os.kill(os.getpid(), signal.SIGUSR1)
+    with pytest.raises(TrainingInterrupted if first else SystemExit) as caught:
+        batch_end(callback, trainer, 6)
+    assert len(trainer.saved) == 1
+    assert asked == [1] * first  # one process for all
+    if first:
+        assert str(caught.value).endswith("last.ckpt; Slurm starts job 7 again")
+
+
+def test_a_warning_after_the_training_does_not_end_its_report(tmp_path, monkeypatch, warned):
+    monkeypatch.setenv("SLURM_JOB_ID", "7")
+    callback = GracefulStop(tmp_path / "last.ckpt")
+    callback.on_fit_start(Trainer(), None)
+    os.kill(os.getpid(), signal.SIGUSR1)
+    callback.teardown(Trainer(), None, "fit")  # by itself the signal would end this process
+    assert signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL
+
+
 def test_nobody_asked_to_stop(stop):
     trainer = Trainer()
     for batch in range(20):

@@ -4,6 +4,8 @@ import shutil
 import threading
 
 import pytest
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
 from sips_lit.cli.explain import explain, explained
@@ -25,6 +27,20 @@ def test_defects_of_the_program_are_not_explained_away():
     assert explain(ValueError("shape mismatch")) is None
     assert explain(OSError("not of the system")) is None
     assert explain(RuntimeError("the DataLoader is odd")) is None
+
+
+@pytest.mark.parametrize(("key", "told"), [("trainer", True), ("model", False)])
+def test_what_lightning_has_against_a_job_of_slurm_is_said(monkeypatch, key, told):
+    monkeypatch.setenv("SLURM_NTASKS", "2")
+    monkeypatch.setenv("SLURM_JOB_NAME", "training")
+    node = OmegaConf.create({key: {"_target_": "lightning.Trainer", "accelerator": "cpu", "logger": False}})
+    with pytest.raises(InstantiationException) as caught:
+        instantiate(node)
+    sentence = explain(caught.value)
+    if told:
+        assert sentence.startswith("trainer can't be made: You set `--ntasks=2` in your SLURM bash script")
+    else:
+        assert sentence is None
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])

@@ -114,6 +114,22 @@ def test_what_is_saved_to_be_used_is_the_mean_of_the_weights(whole):
     assert len(moved) > 3
 
 
+def test_a_job_that_slurm_starts_again_goes_on_from_its_own_checkpoint(whole, tmp_path, frames, monkeypatch, capsys):
+    monkeypatch.setenv("SLURM_RESTART_COUNT", "1")
+    elsewhere = stopped_after(1, whole, tmp_path / "elsewhere")
+    run = stopped_after(5, whole, tmp_path / "run").parents[1]
+    auc = run_it(run, frames, *STEPS, f"ckpt_path={elsewhere}")  # from where it began the first time
+    assert f"going on from {run}/checkpoints/last.ckpt, step 5 of 8" in capsys.readouterr().out
+    assert_same_end(run, auc, whole)
+
+
+def test_a_job_of_slurm_that_had_saved_nothing_begins_anew(whole, tmp_path, frames, monkeypatch, capsys):
+    monkeypatch.setenv("SLURM_RESTART_COUNT", "1")
+    auc = run_it(tmp_path / "run", frames, *STEPS)
+    assert "going on" not in capsys.readouterr().out
+    assert_same_end(tmp_path / "run", auc, whole)
+
+
 def test_a_teacher_goes_on_as_if_not_interrupted(whole, tmp_path, frames):
     teacher = "module.teacher_decay=0.7"
     auc = run_it(tmp_path / "whole", frames, *STEPS, teacher)

@@ -145,7 +145,7 @@ def test_a_worker_ends_when_its_parent_asks_and_not_with_the_whole_group():
     worker = context.Process(target=work, args=(ready,))
     worker.start()
     assert ready.wait(20)
-    for name in ("SIGTERM", "SIGINT"):
+    for name in ("SIGTERM", "SIGINT", "SIGUSR1", "SIGUSR2"):
         send = f"import os, signal; os.kill({worker.pid}, signal.{name})"
         subprocess.run([sys.executable, "-c", send], check=True)
     time.sleep(0.3)
