@@ -2,8 +2,9 @@
 
     python benchmarks/pairs_at_once.py [MODEL ...]            files of conf/model; tiny and small if none is given
 
-A pair is 500 points in each of two 640x480 images, selected one image after the other; the gradient of the logits of all is
-by patches. The numbers of pairs take turns; the least of the times counts, as in compiled_step.py.
+A pair is 500 points in each of two 640x480 images, selected from one image after the other, or of several pairs from all
+together; the gradient of the logits of all is by patches. The numbers of pairs take turns; the least of the times counts, as
+in compiled_step.py.
 """
 
 from __future__ import annotations
@@ -26,8 +27,10 @@ def main() -> None:
     for name in sys.argv[1:] or ["tiny", "small"]:
         network = network_of(name).train().to(DEVICE)
         for pairs in TOGETHER:
-            seconds(network, images[: 2 * pairs])  # memory and kernels are found
-        turns = [[seconds(network, images[: 2 * pairs]) / pairs for pairs in TOGETHER] for _ in range(ROUNDS)]
+            seconds(network, images[: 2 * pairs], pairs > 1)  # memory and kernels are found
+        turns = [
+            [seconds(network, images[: 2 * pairs], pairs > 1) / pairs for pairs in TOGETHER] for _ in range(ROUNDS)
+        ]
         rows.append([name, *(1e3 * min(times) for times in zip(*turns, strict=True))])
     print(f"{DEVICE}, {torch.get_num_threads()} threads, PyTorch {torch.__version__}; ms a pair")
     print(tabulate(rows, ["model", *(f"{pairs} at once" for pairs in TOGETHER)], "pipe", floatfmt=".0f"))

@@ -85,8 +85,11 @@ class Network:
         self.network, self.selector = ScoreNetwork(), PointSelector()
         self.optimizer = torch.optim.Adam(self.network.parameters(), 3e-4)
 
-    def select(self, image: GreyImage) -> SelectedPoints:
+    def select(self, images: Sequence[GreyImage]) -> list[SelectedPoints]:
         """The points that a pair is labelled for."""
+        return list(map(self._select_in, images))
+
+    def _select_in(self, image: GreyImage) -> SelectedPoints:
         if self.learns:
             return self.selector.select(self.network, image_tensor(image), self.points)
         xy = cv2.goodFeaturesToTrack(image, self.points, 1e-4, 5).reshape(-1, 2)
@@ -138,7 +141,7 @@ def measured_costs(pairs: TrainingPairs, network: Network, threads: int, count: 
         item = timed("read", lambda index=index: pairs[index + 2])
         timed("read", lambda item=item: pack(item))
         pair, images = item.pair, (item.pair.image0, item.pair.image1)
-        points = timed("network", lambda images=images: [network.select(image) for image in images])
+        points = timed("network", lambda images=images: network.select(images))
         at = [selected.keypoints for selected in points]
         labels = timed("label", lambda pair=pair, at=at: label(pair, *at))
         tensors = image_tensor(images[0]), image_tensor(images[1])

@@ -114,8 +114,9 @@ class GracefulStop(Checkpoint):
 
     def _ask_for_another_start(self, trainer: L.Trainer, number: int) -> str:
         """What comes of it; who listened before may end the process."""
-        if self._previous.pop(signal.SIGTERM, None) is not None:
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the scheduler ends the job so, while it cleans up
+        self._previous.pop(
+            signal.SIGTERM, None
+        )  # is not given back: the scheduler sends it next, which must not disturb
         listener = self._previous.get(number)
         if callable(listener):
             listener(number, None)

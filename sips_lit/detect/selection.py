@@ -107,27 +107,35 @@ class PointSelector:
         """The same with points up to the border."""
         return replace(self, border=0)
 
-    @torch.no_grad()
     def select(self, network: Scorer, image: Tensor, n: int) -> SelectedPoints:
         """At most ``n`` points of one image (1, 1, H, W) with values 0 to 255, on the network's device.
 
         Raises BadInputError when the network's scores are not finite.
         """
-        size = (image.shape[-2], image.shape[-1])
-        levels = image_pyramid(image, network.scales, network.scale_factor)
-        keep = n if len(levels) == 1 else None  # several levels lose points to suppression later, so none is cut here
-        parts = []
-        for index, level in enumerate(levels):
+        return self.select_each(network, image, n)[0]
+
+    @torch.no_grad()
+    def select_each(self, network: Scorer, images: Tensor, n: int) -> list[SelectedPoints]:
+        """As `select`, of B images (B, 1, H, W) that the network sees together: the same but for its rounding."""
+        levels = []
+        for level in image_pyramid(images, network.scales, network.scale_factor):
             with step("network"):
-                logits = network(level)[0, 0]
-            parts.append(self._level(logits, index, size, keep))
+                levels.append(network(level)[:, 0])
+        size = (images.shape[-2], images.shape[-1])
+        return [
+            self._of_image([logits[i] for logits in levels], size, n, network.scale_factor) for i in range(len(images))
+        ]
+
+    def _of_image(self, levels: Sequence[Tensor], size: tuple[int, int], n: int, factor: float) -> SelectedPoints:
+        keep = n if len(levels) == 1 else None  # several levels lose points to suppression later, so none is cut here
+        parts = [self._level(logits, index, size, keep) for index, logits in enumerate(levels)]
         xy, logit, place = (torch.cat(column).cpu() for column in zip(*parts, strict=True))
         order = torch.sort(logit, descending=True, stable=True).indices
         positions, logit, where = xy[order].numpy(), logit[order], place[order].numpy()
         kept = np.arange(min(n, len(positions)))
         if len(levels) > 1:
             kept = suppress_across_levels(positions, where[:, 0], self.nms_radius, n)
-        scale = network.scale_factor ** where[kept, 0]
+        scale = factor ** where[kept, 0]
         score = torch.sigmoid(self.recalibration.logits(logit, len(kept))).numpy()[kept]
         keypoints = Keypoints(positions[kept], score, scale.astype(np.float32))
         return SelectedPoints(keypoints, where[kept, 0], where[kept, 1], where[kept, 2])
@@ -163,7 +171,7 @@ def far_from_border(rows: Tensor, columns: Tensor, size: tuple[int, int], border
 
 
 def image_pyramid(image: Tensor, scales: int, factor: float) -> list[Tensor]:
-    """``scales`` images (1, 1, H / factor^s, W / factor^s) of one image (1, 1, H, W), the first unchanged.
+    """``scales`` images (B, 1, H / factor^s, W / factor^s) of images (B, 1, H, W), the first unchanged.
 
     Each level is shrunk from the original with an anti-aliasing filter, and rounded to 1/256 of a grey value: a blank image
     stays one, where rounding errors of the filter would be peaks. Levels that would be smaller than one pixel are left out.

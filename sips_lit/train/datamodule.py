@@ -89,10 +89,10 @@ class PairDataModule(ValidationDataModule):
         steps, trainer = self.training_steps(), self.trainer
         assert trainer is not None
         pairs = TrainingPairs(self.sources, self.sampler, self.inliers, self.augmentation, steps)
-        select: Any = trainer.lightning_module.select_to_train
+        module: Any = trainer.lightning_module
         return OneStepAhead(
             PackedPairs(pairs),
-            select,
+            module.select_to_train,
             self.descriptor,
             [self.check_of(source) for source in self.sources],
             self.loading_workers,
@@ -104,6 +104,7 @@ class PairDataModule(ValidationDataModule):
             budgets=self.budgets,
             between=self.between,
             pairs_per_step=trainer.accumulate_grad_batches,
+            pairs_at_once=module.pairs_at_once,
         )
 
     def transfer_batch_to_device(self, batch: Any, device: torch.device, dataloader_idx: int) -> Any:

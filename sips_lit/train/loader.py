@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -79,7 +80,8 @@ class OneStepAhead:
     """Yields pairs labelled by the network as it was one optimiser step earlier, whatever the timing.
 
     Where a step begins, asks ``select`` for the points of the ``pairs_per_step`` pairs of the next step, hands them to
-    ``labelling_workers`` threads (OpenCV releases the GIL), and yields those labelled before. So two processes of one pair
+    ``labelling_workers`` threads (OpenCV releases the GIL), and yields those labelled before. It asks image by image, or
+    with ``pairs_at_once`` above 1 for all images of so many pairs. So two processes of one pair
     a step see what one process of two sees. Of steps of more than `MOST_AHEAD` pairs so many are selected ahead. The state
     is the position in the stream of pairs and the points of the pairs that are being labelled: with it a resumed run
     continues as if it had not been interrupted. ``skipped`` counts
@@ -91,7 +93,7 @@ class OneStepAhead:
     def __init__(
         self,
         pairs: PackedPairs,
-        select: Callable[[GreyImage], SelectedPoints],
+        select: Callable[[Sequence[GreyImage]], list[SelectedPoints]],
         descriptor: Descriptor,
         checks: Sequence[InlierCheck],
         loading_workers: int,
@@ -103,8 +105,9 @@ class OneStepAhead:
         budgets: Sequence[int] = (),
         between: int = 0,
         pairs_per_step: int = 1,
+        pairs_at_once: int = 1,
     ) -> None:
-        self.pairs_per_step = min(pairs_per_step, MOST_AHEAD)
+        self.pairs_per_step, self.pairs_at_once = min(pairs_per_step, MOST_AHEAD), pairs_at_once
         self.budgets, self.between = budgets, between
         self.skipped, self.loading_timeout = skipped or SkippedItems(), loading_timeout
         self.pairs, self.select, self.descriptor, self.checks = pairs, select, descriptor, checks
@@ -129,25 +132,30 @@ class OneStepAhead:
         ):
             parts = self.labelling_workers // at_once  # of a pair: with more pairs than threads each takes a whole one
 
-            def submitted(ahead: Points | None = None) -> _Labelling | None:
-                watch = Stopwatch()
-                with watch("wait_decode"):
-                    packed = next(stream, None)
-                if packed is None:
-                    return None
-                item = unpack(packed)
-                watch.add("decode", packed["seconds"])
-                with watch("select"):
-                    points = ahead or self._select(item)
-                label = partial(self._label, item, points, workers.map if parts > 1 else map, parts, watch)
-                return _Labelling(points, item.skipped, coordinators.submit(label))
+            def submitted(count: int, ahead: Sequence[Points] = ()) -> list[_Labelling]:
+                drawn = list(itertools.islice(self._drawn(stream), count))
+                if not drawn:
+                    return []
+                selecting = Stopwatch()
+                with selecting("select"):
+                    points_of = ahead or self._select([item for item, _ in drawn])
+                begun = []
+                for (item, watch), points in zip(
+                    drawn, points_of, strict=False
+                ):  # a stream may end before what is ahead
+                    watch.add("select", selecting.seconds["select"] / len(drawn))
+                    label = partial(self._label, item, points, workers.map if parts > 1 else map, parts, watch)
+                    begun.append(_Labelling(points, item.skipped, coordinators.submit(label)))
+                return begun
 
-            begun = (submitted(points) for points in self._ahead)
-            labelling = deque(pair for pair in begun if pair is not None)
+            labelling = deque(submitted(len(self._ahead), self._ahead))
             while True:
                 if self.position % self.pairs_per_step == 0 or not labelling:
-                    while len(labelling) < 2 * self.pairs_per_step and (following := submitted()) is not None:
-                        labelling.append(following)
+                    while (missing := 2 * self.pairs_per_step - len(labelling)) > 0:
+                        following = submitted(min(missing, self.pairs_at_once))
+                        if not following:
+                            break
+                        labelling.extend(following)
                 if not labelling:
                     return
                 first = labelling.popleft()
@@ -159,8 +167,24 @@ class OneStepAhead:
                 self._ahead = [pair.points for pair in labelling]
                 yield replace(labelled, skipped=self.skipped.count, seconds=labelled.seconds | waiting.seconds)
 
-    def _select(self, item: SourcePair) -> Points:
-        return tuple(map(self.select, (item.pair.image0, item.pair.image1, *self._images_between(item).values())))
+    @staticmethod
+    def _drawn(stream: Iterator[Any]) -> Iterator[tuple[SourcePair, Stopwatch]]:
+        while True:
+            watch = Stopwatch()
+            with watch("wait_decode"):
+                packed = next(stream, None)
+            if packed is None:
+                return
+            item = unpack(packed)
+            watch.add("decode", packed["seconds"])
+            yield item, watch
+
+    def _select(self, items: Sequence[SourcePair]) -> list[Points]:
+        images = [[item.pair.image0, item.pair.image1, *self._images_between(item).values()] for item in items]
+        every = list(itertools.chain.from_iterable(images))
+        selected = self.select(every) if self.pairs_at_once > 1 else [self.select([image])[0] for image in every]
+        rest = iter(selected)
+        return [tuple(itertools.islice(rest, len(of_pair))) for of_pair in images]
 
     def _images_between(self, item: SourcePair) -> dict[int, GreyImage]:
         return images_between(item.pair, self.between) if self.checks[item.source].uses_frames else {}

@@ -83,11 +83,11 @@ class SipsModule(ScoreModule):
         self._held: list[LabelledPair] = []
         self.consistency, self.consistency_beta, self.ranking = consistency, consistency_beta, ranking
 
-    def select_to_train(self, image: GreyImage) -> SelectedPoints:
+    def select_to_train(self, images: Sequence[GreyImage]) -> list[SelectedPoints]:
         """See `ScoreModule`: by the teacher where there is one."""
         if self.teacher is None:
-            return super().select_to_train(image)
-        return self._select(self.selector.anywhere, OneOctave(cast(ScoreNetwork, self.teacher.module)), image)
+            return super().select_to_train(images)
+        return self._select(self.selector.anywhere, OneOctave(cast(ScoreNetwork, self.teacher.module)), images)
 
     def optimizer_step(self, *args: Any, **kwargs: Any) -> None:
         """The teacher follows the network at once: a checkpoint of the step holds both."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, ClassVar, Literal
 
 import cv2
@@ -34,6 +34,8 @@ class ScoreModule(L.LightningModule):
 
     learns: ClassVar[Literal["scores", "covariance"]] = "scores"
     """What a run is about: what is best is judged by it."""
+    pairs_at_once: int = 1
+    """Training pairs whose images the network sees together."""
 
     def __init__(
         self,
@@ -73,15 +75,23 @@ class ScoreModule(L.LightningModule):
 
     def select(self, image: GreyImage) -> SelectedPoints:
         """The points of an image (H, W) that the network selects now."""
-        return self._select(self.selector, self.network, image)
+        return self._select(self.selector, self.network, [image])[0]
 
-    def select_to_train(self, image: GreyImage) -> SelectedPoints:
-        """The points of an image (H, W) that are labelled: by the octave that the network learns from, up to the border."""
-        return self._select(self.selector.anywhere, OneOctave(self.network), image)
+    def select_to_train(self, images: Sequence[GreyImage]) -> list[SelectedPoints]:
+        """The points of images (H, W) that are labelled: by the octave that the network learns from, up to the border."""
+        return self._select(self.selector.anywhere, OneOctave(self.network), images)
 
-    def _select(self, selector: PointSelector, network: Scorer, image: GreyImage) -> SelectedPoints:
-        with self.trainer.precision_plugin.forward_context():
-            return selector.select(network, image_tensor(image, self.device), self.points)
+    def _select(self, selector: PointSelector, network: Scorer, images: Sequence[GreyImage]) -> list[SelectedPoints]:
+        """The network sees images of one size together."""
+        of_size: dict[tuple[int, ...], list[int]] = {}
+        for number, image in enumerate(images):
+            of_size.setdefault(image.shape, []).append(number)
+        found: dict[int, SelectedPoints] = {}
+        for numbers in of_size.values():
+            batch = torch.cat([image_tensor(images[number], self.device) for number in numbers])
+            with self.trainer.precision_plugin.forward_context():
+                found |= zip(numbers, selector.select_each(network, batch, self.points), strict=True)
+        return [found[number] for number in range(len(images))]
 
     def on_before_optimizer_step(self, optimizer: Optimizer) -> None:
         """Logs the learning rate of the step that follows: once, of however many pairs the step is."""

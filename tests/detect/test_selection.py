@@ -212,6 +212,18 @@ def test_no_points_no_logits():
     assert [of_image.shape for of_image in logits_at(net, [IMAGE, IMAGE], [points] * 2, "patches")] == [(0,), (0,)]
 
 
+@pytest.mark.parametrize("scales", [1, 3])
+def test_points_of_images_that_are_seen_together_are_those_of_each(scales):
+    net, images = network(scales), torch.cat([IMAGE, IMAGE.flip(-1), IMAGE.flip(-2)])
+    together = PointSelector(5).select_each(net, images, 30)
+    for image, points in zip(images, together, strict=True):
+        alone = PointSelector(5).select(net, image[None], 30)
+        for name in ("level", "row", "column"):
+            np.testing.assert_array_equal(getattr(points, name), getattr(alone, name))
+        np.testing.assert_allclose(points.keypoints.xy, alone.keypoints.xy, atol=1e-3)
+        np.testing.assert_allclose(points.keypoints.scale, alone.keypoints.scale)
+
+
 @pytest.mark.parametrize("gradient", ["patches", "dense"])
 def test_points_of_several_images_are_each_of_its_own(gradient):
     """Of two sizes, several scales, and one without points among them."""

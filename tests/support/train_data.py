@@ -12,9 +12,9 @@ from sips_lit.types import Keypoints
 DATA = [flight(14, size=(96, 80), name="a"), flight(12, size=(96, 80), seed=3, name="b")]
 
 
-def no_points(image):
+def no_points(images):
     none = np.zeros(0, np.int64)
-    return SelectedPoints(Keypoints.empty(), none, none, none)
+    return [SelectedPoints(Keypoints.empty(), none, none, none) for _ in images]
 
 
 def module(tmp_path, data=DATA, **options) -> PairDataModule:
@@ -29,7 +29,7 @@ def trainer(max_steps=6, accumulate=1, rank=0, ranks=1):
         accumulate_grad_batches=accumulate,
         world_size=ranks,
         global_rank=rank,
-        lightning_module=SimpleNamespace(select_to_train=no_points),
+        lightning_module=SimpleNamespace(select_to_train=no_points, pairs_at_once=1),
     )
 
 

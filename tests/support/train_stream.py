@@ -1,3 +1,5 @@
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from overlap_rows import all_overlap
@@ -23,8 +25,13 @@ class Learner:
     def __init__(self, steps: int = 0) -> None:
         self.steps = steps
         self.events: list[tuple[str, int]] = []
+        self.together: list[int] = []  # how many images it was asked for at once
 
-    def select(self, image: GreyImage) -> SelectedPoints:
+    def select(self, images: Sequence[GreyImage]) -> list[SelectedPoints]:
+        self.together.append(len(images))
+        return list(map(self.select_in, images))
+
+    def select_in(self, image: GreyImage) -> SelectedPoints:
         self.events.append(("select", self.steps))
         generator = np.random.default_rng([self.steps, int(image.sum())])
         xy = generator.uniform(0, [image.shape[1] - 1, image.shape[0] - 1], (20, 2)).astype(np.float32)
@@ -54,10 +61,11 @@ def loader(
     between: int = 0,
     pairs_per_step: int = 1,
     length: int = LENGTH,
+    pairs_at_once: int = 1,
 ) -> OneStepAhead:
     pairs = pairs_of(flight(5, size=(80, 64)), flight(4, size=(72, 60), seed=1, name="other"), length=length)
     checks = [KltInliers(), HomographyInliers()]
-    more = {"between": between, "pairs_per_step": pairs_per_step}
+    more = {"between": between, "pairs_per_step": pairs_per_step, "pairs_at_once": pairs_at_once}
     return OneStepAhead(pairs, learner.select, RootSift(), checks, loading, labelling, first, stride, **more)
 
 

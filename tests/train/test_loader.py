@@ -89,6 +89,17 @@ def test_the_points_of_a_step_of_several_pairs_are_all_selected_before_the_step_
     assert learner.events == [("select", 0)] * 12 + [("step", 0)] + [("select", 1)] * 4 + [("step", 1)]
 
 
+@pytest.mark.parametrize(("at_once", "asked"), [(1, [1] * 16), (2, [4, 4, 4, 4]), (3, [6, 6, 4]), (5, [10, 2, 4])])
+def test_images_of_several_pairs_are_selected_in_together(at_once, asked):
+    alone, together = Learner(), Learner()
+    expected = run(loader(alone, pairs_per_step=3, length=8), alone)
+    taken = run(loader(together, pairs_per_step=3, length=8, pairs_at_once=at_once), together)
+    assert together.together == asked  # six pairs at first, then the last two
+    for pair, other in zip(taken, expected, strict=True):
+        assert_same(pair, other)
+        assert pair.seconds["select"] > 0
+
+
 @pytest.mark.parametrize(("ranks", "each"), [(2, 1), (3, 1), (2, 2)])
 def test_several_processes_label_what_one_does_that_takes_their_pairs_a_step(ranks, each):
     length, learner = 3 * ranks * each, Learner()
@@ -347,7 +358,7 @@ def test_a_run_that_fails_between_two_pairs_ends(fails):
 
 def test_an_error_while_points_are_selected_ends_the_loading_workers():
     class Failing(Learner):
-        def select(self, image):
+        def select(self, images):
             raise RuntimeError("a defect")
 
     error = None

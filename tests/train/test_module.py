@@ -269,6 +269,22 @@ def test_the_teacher_is_the_mean_of_the_weights_over_the_steps(tmp_path, pairs):
     assert float(module.teacher.module.layers[-1].bias) == pytest.approx(mean, abs=1e-6)
 
 
+def test_points_of_images_of_any_sizes_are_those_of_each_by_itself(monkeypatch):
+    module = make_module()
+    module._trainer = SimpleNamespace(precision_plugin=SimpleNamespace(forward_context=contextlib.nullcontext))
+    seen, octave = [], module.network.octave
+    monkeypatch.setattr(module.network, "octave", lambda image: seen.append(tuple(image.shape)) or octave(image))
+    images = [texture(60, 80, seed=0), texture(48, 64, seed=1), texture(60, 80, seed=2), texture(48, 64, seed=3)]
+    together = module.select_to_train(images)
+    assert seen == [(2, 1, 60, 80), (2, 1, 48, 64)]
+    for image, points in zip(images, together, strict=True):
+        (alone,) = module.select_to_train([image])
+        assert len(alone) > 10
+        np.testing.assert_array_equal(points.row, alone.row)
+        np.testing.assert_array_equal(points.column, alone.column)
+        np.testing.assert_allclose(points.keypoints.score, alone.keypoints.score, atol=1e-6)
+
+
 def test_the_teacher_selects_what_is_labelled_and_the_network_what_counts():
     module = make_module(teacher_decay=0.9)
     module._trainer = SimpleNamespace(precision_plugin=SimpleNamespace(forward_context=contextlib.nullcontext))
@@ -277,7 +293,8 @@ def test_the_teacher_selects_what_is_labelled_and_the_network_what_counts():
     with torch.no_grad():
         for weight in module.network.parameters():
             weight.neg_()
-    np.testing.assert_array_equal(module.select_to_train(image).keypoints.xy, before)
+    (labelled,) = module.select_to_train([image])
+    np.testing.assert_array_equal(labelled.keypoints.xy, before)
     assert not np.array_equal(module.select(image).keypoints.xy, before)
     moved = list(module.trained)
     assert len(moved) == len(list(module.network.parameters()))
