@@ -47,6 +47,7 @@ class Recorder(L.Callback):
     def __init__(self, path: str) -> None:
         self.path, self.own = Path(path), psutil.Process()
         self._since: tuple[float, float] | None = None
+        self._children: list[psutil.Process] = []
 
     def on_validation_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         self._since = None
@@ -54,10 +55,13 @@ class Recorder(L.Callback):
     def on_train_batch_end(self, trainer: L.Trainer, *_: Any) -> None:
         if trainer.global_step % EVERY:
             return
-        now = time.perf_counter(), self._processor_seconds()
-        if self._since is not None:
+        now, before = (time.perf_counter(), self._processor_seconds()), self._children
+        self._children = self.own.children(recursive=True)
+        if (
+            self._since is not None and self._children == before
+        ):  # at the end of a stretch workers are gone, and their times
             wall, used = (1000 * (a - b) / EVERY for a, b in zip(now, self._since, strict=True))
-            processes = [self.own, *self.own.children(recursive=True)]
+            processes = [self.own, *self._children]
             memory = sum(map(_own_bytes, processes)) / 1e6
             files, threads = (sum(values) for values in zip(*map(_handles, processes), strict=True))
             with self.path.open("a") as file:

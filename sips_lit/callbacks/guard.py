@@ -114,9 +114,8 @@ class GracefulStop(Checkpoint):
 
     def _ask_for_another_start(self, trainer: L.Trainer, number: int) -> str:
         """What comes of it; who listened before may end the process."""
-        self._previous.pop(
-            signal.SIGTERM, None
-        )  # is not given back: the scheduler sends it next, which must not disturb
+        # not given back: the scheduler sends it next, which must not disturb
+        self._previous.pop(signal.SIGTERM, None)
         listener = self._previous.get(number)
         if callable(listener):
             listener(number, None)
