@@ -111,9 +111,8 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
         if isinstance(cause, InstantiationException):
             where, why = re.search(r"full_key: (\S+)", str(cause)), type(cause.__cause__).__name__
             key = where[1] if where else "the configuration"
-            if why in REFUSED or (
-                why == "RuntimeError" and key == "trainer"
-            ):  # by which Lightning refuses jobs of Slurm
+            of_lightning = why == "RuntimeError" and key == "trainer"  # how it refuses jobs of Slurm
+            if why in REFUSED or of_lightning:
                 return f"{key} can't be made: {cause.__cause__}"
         if isinstance(cause, RuntimeError) and _LOST_WORKER.search(str(cause)):
             return (
