@@ -22,7 +22,7 @@ from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import Scorer
 from sips_lit.detect.strips import logits_by_strips
 from sips_lit.detect.turns import least_seconds
-from sips_lit.errors import BadInputError, import_extra
+from sips_lit.errors import BadInputError, import_extra, warn_input
 
 RuntimeName = Literal["torch", "onnxruntime", "openvino", "auto"]
 Precision = Literal["32", "bf16"]
@@ -132,7 +132,8 @@ class OnnxRuntime(_Exported):
 class OpenVino(_Exported):
     """OpenVINO on the CPU, with as many threads as PyTorch has. Raises BadInputError where it is not installed.
 
-    A model is compiled for each size of images when the first comes, in some tenths of a second.
+    A model is compiled for each size of images when the first comes, in some tenths of a second. Warns of bfloat16 on a
+    processor without it.
     """
 
     name = "openvino"
@@ -140,6 +141,8 @@ class OpenVino(_Exported):
     def __init__(self, network: ScoreNetwork, bf16: bool = False) -> None:
         self.core = openvino_core("runtime=openvino")
         super().__init__(network)
+        if bf16 and "BF16" not in self.core.get_property("CPU", "OPTIMIZATION_CAPABILITIES"):
+            warn_input("this processor has no instructions for bfloat16: OpenVINO computes in float32")
         self.options = {
             "PERFORMANCE_HINT": "LATENCY",
             "INFERENCE_NUM_THREADS": torch.get_num_threads(),

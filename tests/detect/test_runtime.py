@@ -1,4 +1,6 @@
 import sys
+import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.runtime import Fastest, OnnxRuntime, TorchRuntime, installed_runtimes, make_runtime
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor
-from sips_lit.errors import BadInputError
+from sips_lit.errors import BadInputError, InputWarning
 
 IMAGE = image_tensor(texture(77, 101, 3))
 
@@ -64,6 +66,19 @@ def test_a_size_of_images_that_was_forgotten_is_compiled_again(monkeypatch):
     first = each(IMAGE)
     each(IMAGE[..., :9, :9])
     assert torch.equal(each(IMAGE), first)
+
+
+@pytest.mark.parametrize(("able", "told"), [(["FP32", "BF16"], 0), (["FP32"], 1)])
+def test_bfloat16_that_the_processor_does_not_have_is_told(monkeypatch, able, told):
+    core = SimpleNamespace(get_property=lambda device, name: able)
+    monkeypatch.setattr("sips_lit.detect.runtime.openvino_core", lambda needed_by: core)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", InputWarning)
+        make_runtime(tiny_network(), "openvino", "bf16")
+        make_runtime(tiny_network(), "openvino")
+    assert [str(warning.message) for warning in caught] == told * [
+        "this processor has no instructions for bfloat16: OpenVINO computes in float32"
+    ]
 
 
 @pytest.mark.parametrize("name", ["torch", "openvino"])
