@@ -57,9 +57,8 @@ class Recorder(L.Callback):
             return
         now, before = (time.perf_counter(), self._processor_seconds()), self._children
         self._children = self.own.children(recursive=True)
-        if (
-            self._since is not None and self._children == before
-        ):  # at the end of a stretch workers are gone, and their times
+        # at the end of a stretch workers are gone, and their times
+        if self._since is not None and self._children == before:
             wall, used = (1000 * (a - b) / EVERY for a, b in zip(now, self._since, strict=True))
             processes = [self.own, *self._children]
             memory = sum(map(_own_bytes, processes)) / 1e6

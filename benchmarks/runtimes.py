@@ -19,6 +19,7 @@ from network_time import network_of
 from tabulate import tabulate
 from torch import Tensor
 
+from sips_lit.detect.detection_logits import Detection
 from sips_lit.detect.runtime import make_runtime
 from sips_lit.detect.score_network import ScoreNetwork
 
@@ -27,12 +28,7 @@ WANTED = 0.35
 
 def plain(network: ScoreNetwork) -> Callable[[Tensor], Tensor]:
     """The layers one after the other on whole images in NCHW: for networks that score the grey image alone."""
-    if (
-        network.derivatives
-        or network.detection.octaves > 1
-        or network.detection.first_octave
-        or network.detection.corners
-    ):
+    if network.derivatives or network.detection != Detection():
         raise SystemExit("only networks without derivatives, octaves and corners are plain: give paper, say")
     weights = [(layer.weight.detach().contiguous(), layer.bias.detach()) for layer in network.layers]  # type: ignore[union-attr,operator]
 

@@ -140,9 +140,8 @@ class OneStepAhead:
                 with selecting("select"):
                     points_of = ahead or self._select([item for item, _ in drawn])
                 begun = []
-                for (item, watch), points in zip(
-                    drawn, points_of, strict=False
-                ):  # a stream may end before what is ahead
+                # a stream may end before what is ahead
+                for (item, watch), points in zip(drawn, points_of, strict=False):
                     watch.add("select", selecting.seconds["select"] / len(drawn))
                     label = partial(self._label, item, points, workers.map if parts > 1 else map, parts, watch)
                     begun.append(_Labelling(points, item.skipped, coordinators.submit(label)))

@@ -192,11 +192,8 @@ def _quiet_worker(yielding: bool, _: int) -> None:
     """A loading worker leaves the threads to the network, and signals that all processes get to the parent."""
     cv2.setNumThreads(0)  # forked OpenCV threads hang
     torch.set_num_threads(1)
-    for name in (
-        "SIGINT",
-        "SIGUSR1",
-        "SIGUSR2",
-    ):  # schedulers warn by the latter; a forked worker has their listeners, too
+    for name in ("SIGINT", "SIGUSR1", "SIGUSR2"):
+        # schedulers warn by the latter two, and a forked worker has the listeners of its parent
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     if hasattr(signal, "sigwaitinfo"):  # Linux
