@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
+from threading import Lock
 from typing import Any, Final, Literal, Protocol, get_args
 
 import numpy as np
@@ -132,8 +133,8 @@ class OnnxRuntime(_Exported):
 class OpenVino(_Exported):
     """OpenVINO on the CPU, with as many threads as PyTorch has. Raises BadInputError where it is not installed.
 
-    A model is compiled for each size of images when the first comes, in some tenths of a second. Warns of bfloat16 on a
-    processor without it.
+    A model is compiled for each size of images when the first comes, in some tenths of a second. Threads take turns. Warns
+    of bfloat16 on a processor without it.
     """
 
     name = "openvino"
@@ -149,6 +150,7 @@ class OpenVino(_Exported):
             "INFERENCE_PRECISION_HINT": "bf16" if bf16 else "f32",  # left alone it takes bf16 where the CPU has it
         }
         self._compiled: OrderedDict[tuple[int, ...], Any] = OrderedDict()
+        self._turn = Lock()
 
     def _compile(self, shape: tuple[int, ...]) -> Any:
         model = self.core.read_model(self.model)
@@ -156,12 +158,13 @@ class OpenVino(_Exported):
         return self.core.compile_model(model, "CPU", self.options).create_infer_request()
 
     def _run(self, image: Any) -> Any:
-        if image.shape not in self._compiled:
-            self._compiled[image.shape] = self._compile(image.shape)
-        self._compiled.move_to_end(image.shape)
-        while len(self._compiled) > SIZES_KEPT:
-            self._compiled.popitem(last=False)
-        return np.array(self._compiled[image.shape].infer({"image": image})[0])  # the request reuses its memory
+        with self._turn:  # a request has one memory, which threads would share
+            if image.shape not in self._compiled:
+                self._compiled[image.shape] = self._compile(image.shape)
+            self._compiled.move_to_end(image.shape)
+            while len(self._compiled) > SIZES_KEPT:
+                self._compiled.popitem(last=False)
+            return np.array(self._compiled[image.shape].infer({"image": image})[0])  # the request reuses its memory
 
 
 class Fastest:

@@ -1,5 +1,6 @@
 import sys
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -58,6 +59,17 @@ def test_results_stay_when_the_runtime_goes_on():
     before = first.clone()
     each(255 - IMAGE)
     assert torch.equal(first, before)
+
+
+@pytest.mark.parametrize("name", ["torch", "onnxruntime", "openvino", "auto"])
+def test_threads_share_a_runtime(name):
+    """A request of OpenVINO has one memory: a thread got what another's image gave, or an error."""
+    each = make_runtime(tiny_network(), name)
+    images = [(image + turn) % 256 for turn in range(20) for image in (IMAGE, IMAGE[..., :40, :60])]
+    expected = [each(image) for image in images]
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(each, images))
+    assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
 
 
 def test_a_size_of_images_that_was_forgotten_is_compiled_again(monkeypatch):
