@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import lightning as L
@@ -33,8 +34,8 @@ class TensorBoard(TensorBoardLogger):
     The epoch, which Lightning logs with everything, is left out: a run is one.
     """
 
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
+    def __init__(self, save_dir: str | Path, name: str = "", version: str = "", **options: Any) -> None:
+        super().__init__(save_dir, str(name), str(version), **options)  # a name may be a number
         self._has_layout = False
 
     @rank_zero_only

@@ -16,7 +16,7 @@ import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import CompactHydraException
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException, ValidationError
 
 from sips_lit.cli.arguments import as_typed, with_keys
@@ -30,7 +30,7 @@ from sips_lit.cli.run_log import log_file, logged
 from sips_lit.cli.signals import leave_pipe
 from sips_lit.cli.sweep_table import table_at_end
 from sips_lit.cli.unread import refuse_unread
-from sips_lit.cli.value_types import refuse_wrong_types
+from sips_lit.cli.value_types import refuse_wrong_keys, refuse_wrong_types
 from sips_lit.errors import BadInputError
 
 Options = TypeVar("Options")
@@ -70,6 +70,8 @@ def run(
         quiet_lightning()
         with logged(log_file()), explained(config):
             refuse_unread(config, config_name)
+            paths = config.get("paths", {})
+            refuse_wrong_keys(paths, dict.fromkeys(paths, str | None))
             result = task(config)
             if following is not None and log_file() is not None and HydraConfig.get().mode == RunMode.RUN:
                 print(told(following(config)))
@@ -156,8 +158,12 @@ def typed(config: DictConfig, options: type[Options]) -> Options:
     """
     for key in sorted(OmegaConf.missing_keys(config)):
         OmegaConf.select(config, key, throw_on_missing=True)
+    structured = OmegaConf.structured(options)
+    for name, given in config.items():
+        if isinstance(given, DictConfig) and isinstance(structured._get_node(name), ListConfig):
+            raise BadInputError(f"{name!s} is {given}: give a list in square brackets, [1,2]")
     try:
-        return cast(Options, OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(options), config)))
+        return cast(Options, OmegaConf.to_object(OmegaConf.merge(structured, config)))
     except ValidationError as error:
         reason = str(error).splitlines()[0]
         if "is not a ListConfig" in reason:

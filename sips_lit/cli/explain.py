@@ -28,6 +28,8 @@ from sips_lit.files import FULL, LONGEST_NAME, disk_of, unwritten
 # what a constructor raises for values that it can't take; by name, since not every command loads Lightning
 MISCONFIGURED = "MisconfigurationException"
 REFUSED = ("TypeError", "ValueError", MISCONFIGURED)
+# packages whose constructors say that they can't take a value by whatever it breaks first
+OTHERS = ("lightning.", "torch.")
 ALMOST_FULL = 1 << 20  # bytes: what failed to be written may have been more than a block
 _LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
 
@@ -111,9 +113,13 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
         if isinstance(cause, InstantiationException):
             where, why = re.search(r"full_key: (\S+)", str(cause)), type(cause.__cause__).__name__
             key = where[1] if where else "the configuration"
-            of_lightning = why == "RuntimeError" and key == "trainer"  # how it refuses jobs of Slurm
-            if why in REFUSED or of_lightning:
+            target = re.search(r"target '([^']+)'", str(cause))
+            if target and "locating" in target.string:
+                return f"{key}._target_ is {target[1]}, which can't be imported: {_deepest(cause)}"
+            if why in REFUSED or (target and target[1].startswith(OTHERS)):
                 return f"{key} can't be made: {cause.__cause__}"
+            if "Expected a callable target" in str(cause):
+                return f"{key}._target_ is no class or function: {str(cause).splitlines()[0]}"
         if isinstance(cause, RuntimeError) and _LOST_WORKER.search(str(cause)):
             return (
                 "a loading worker was killed (for want of memory?): try datamodule.loading_workers=0, or smaller images"
@@ -131,6 +137,10 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
             return f"{file}{cause.strerror}: {hint}"
         cause = cause.__cause__ or (cause.__context__ if isinstance(cause, InstantiationException) else None)
     return None
+
+
+def _deepest(error: BaseException) -> BaseException:
+    return error if error.__cause__ is None else _deepest(error.__cause__)
 
 
 def full_disk(error: OSError, config: DictConfig | None) -> str:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import time
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 from hydra.utils import get_object
 from omegaconf import DictConfig, OmegaConf
 from tabulate import tabulate
 
 from sips_lit.cli.app import build, run
+from sips_lit.cli.value_types import refuse_wrong_keys
 from sips_lit.errors import BadInputError
 from sips_lit.frames.footage import footage_of_all
 from sips_lit.frames.recording import Recording
 from sips_lit.frames.source import as_sources, chosen
 from sips_lit.pairs.index_run import IndexedSequence, ShareSummary, index_recordings, share
 
+KEYS: Final = {"workers": int, "shard": str, "overlap": float}
+"""Keys of the command itself, with what they take."""
 SAVE_EVERY = 30.0  # seconds between two summaries of a run that goes on
 SHOWN = 40  # lines of a table that a terminal can show
 
@@ -26,6 +30,7 @@ def index(config: DictConfig) -> None:
 
     Raises BadInputError at the end when a recording failed.
     """
+    refuse_wrong_keys(config, KEYS)
     folder, shard = Path(config.paths.indexes).resolve(), str(config.shard)
     mine = share(recordings(config.data), shard)
     footage = footage_of_all([recording.footage for recording in mine])
@@ -35,9 +40,7 @@ def index(config: DictConfig) -> None:
     summary = ShareSummary(folder, data, shard, (recording.where for recording in mine))
     saved = time.monotonic()
     try:
-        for rows in index_recordings(
-            mine, folder, build(config.overlap_parameters), config.overlap, int(config.workers)
-        ):
+        for rows in index_recordings(mine, folder, build(config.overlap_parameters), config.overlap, config.workers):
             summary.add(rows)
             if time.monotonic() - saved > SAVE_EVERY:
                 summary.write()

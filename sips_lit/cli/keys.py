@@ -40,6 +40,7 @@ _UNKNOWN = re.compile(
 _TWICE = re.compile(
     r"An item is already at '([^']+)'|(\S+) appears more than once|groups is not supported: '\+*([^=]+)"
 )
+_NO_LIST = re.compile(r"Error merging override ([^=\s]+)=(.*)\nCannot merge DictConfig with ListConfig")
 _SEVERAL = re.compile(r"Ambiguous value for argument '([^=]+)=(.*)'")
 
 
@@ -60,6 +61,10 @@ def explain_composition(error: Exception, command: str, arguments: Sequence[str]
     if found:
         key = next(part for part in found.groups() if part)
         return f"{key} is a key of sips-{command} already: write {key}=... without the +"
+    found = _NO_LIST.search(f"{text}\n{error.__cause__}")
+    if found:
+        key, value = found.groups()
+        return f"{key} is {value}: give a list in square brackets, [1,2]"
     found = _SEVERAL.search(text)
     if found:
         key, values = found.groups()

@@ -7,7 +7,7 @@ import sys
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 import cv2
 import lightning as L
@@ -30,16 +30,25 @@ from sips_lit.cli.methods import make_methods
 from sips_lit.cli.next_steps import after_training
 from sips_lit.cli.resuming import find_start, record_of
 from sips_lit.cli.run_settings import settings_of
+from sips_lit.cli.value_types import refuse_wrong_keys
 from sips_lit.detect.checkpoint import export_safetensors, start_from
 from sips_lit.errors import BadInputError, warn_input
 from sips_lit.train.score_module import ScoreModule
 from sips_lit.train.validation_data import ValidationDataModule
 
 AUC = "val/succinctness_auc"
+LARGEST_SEED: Final = 2**32 - 1  # that NumPy takes
+KEYS: Final = {"seed": int, "val_seed": int, "k": int, "n_max": int, "ckpt_path": str | None, "init": str | None}
+"""Keys of the command itself, with what they take."""
 
 
 def train(config: DictConfig) -> float:
     """One run. Returns the best validation succinctness AUC, which is what a sweep maximises."""
+    refuse_wrong_keys(config, KEYS)
+    if not 0 <= config.seed <= LARGEST_SEED:
+        raise BadInputError(f"seed is {config.seed}: give a whole number from 0 to {LARGEST_SEED}")
+    if not isinstance(config.compare, DictConfig | None):
+        raise BadInputError(f"compare is {config.compare}: give keys of sips-benchmark, as experiment=quickstart does")
     cv2.setNumThreads(1)  # the labelling threads share the cores with the network
     L.seed_everything(config.seed, workers=True, verbose=False)
     interval = pairs_between_validations(config.trainer)
@@ -107,7 +116,13 @@ def _in_multirun() -> bool:
 
 
 def make_callbacks(config: DictConfig) -> list[L.Callback]:
-    """The callbacks; no progress with ``trainer.enable_progress_bar=false``, where Lightning refuses one."""
+    """The callbacks; no progress with ``trainer.enable_progress_bar=false``, where Lightning refuses one.
+
+    Raises BadInputError for what is none.
+    """
+    for name, node in config.callbacks.items():
+        if not isinstance(node, DictConfig | None):
+            raise BadInputError(f"callbacks.{name!s} is {node}: give a configuration, with _target_, or null")
     callbacks = [callback for callback in build(config.callbacks).values() if callback is not None]
     silent = config.trainer.enable_progress_bar is False
     return [callback for callback in callbacks if not (silent and isinstance(callback, ProgressBar))]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import typing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any
 
@@ -14,20 +15,22 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from sips_lit.errors import BadInputError
 
 OURS = "sips_lit."
-WORDS = {int: "a whole number", float: "a number", bool: "true or false"}
+WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text", Path: "a path"}
 
 
 def refuse_wrong_types(node: Any) -> None:
-    """Raises BadInputError for the first number or switch in ``node`` that is none.
+    """Raises BadInputError for the first number, switch, text or part in ``node`` that is none.
 
-    Looks at what our own classes and functions that it names, at any depth, take as int, float or bool; what others take,
-    they check.
+    Looks at what our own classes and functions that it names, at any depth, take as int, float, bool, text or path, and as
+    one of our classes; what others take, they check.
     """
     if isinstance(node, ListConfig):
         for item in node:
             refuse_wrong_types(item)
     if not isinstance(node, DictConfig):
         return
+    own = {"_target_": str | None, "_partial_": bool | None}
+    refuse_wrong_keys(node, {name: annotation for name, annotation in own.items() if name in node})
     target = OmegaConf.select(node, "_target_", default=None)
     expected = _annotations(target) if isinstance(target, str) and target.startswith(OURS) else {}
     for name in node:
@@ -36,11 +39,22 @@ def refuse_wrong_types(node: Any) -> None:
         value = node[name]
         if isinstance(value, DictConfig | ListConfig):
             refuse_wrong_types(value)
-        wanted = _wanted(expected.get(str(name)))
-        if wanted is not None and not _fits(value, *wanted):
-            kind, optional, many = wanted
-            words = f"{'a list, each item ' if many else ''}{WORDS[kind]}{', or null' if optional else ''}"
-            raise BadInputError(f"{_full_key(node, str(name))} is {value}: give {words}")
+        _refuse_other_than(expected.get(str(name)), node, str(name))
+
+
+def refuse_wrong_keys(node: DictConfig, expected: Mapping[str, Any]) -> None:
+    """Raises BadInputError for the first key of ``node`` whose value is not as ``expected``, annotations by name, says."""
+    for name, annotation in expected.items():
+        _refuse_other_than(annotation, node, name)
+
+
+def _refuse_other_than(annotation: Any, node: DictConfig, name: str) -> None:
+    wanted, value = _wanted(annotation), node[name]
+    if wanted is not None and not _fits(value, *wanted):
+        kind, optional, many = wanted
+        word = WORDS.get(kind, f"a configuration, with _target_, of a {kind.__name__}")
+        words = f"{'a list, each item ' if many else ''}{word}{', or null' if optional else ''}"
+        raise BadInputError(f"{_full_key(node, name)} is {value}: give {words}")
 
 
 def _annotations(target: str) -> dict[str, Any]:
@@ -59,11 +73,13 @@ def _wanted(annotation: Any) -> tuple[type, bool, bool] | None:
         parts = typing.get_args(annotation)
         optional = NoneType in parts
         others = [part for part in parts if part is not NoneType]
-        annotation = others[0] if len(others) == 1 else None
+        as_path = set(others) == {str, Path}
+        annotation = Path if as_path else others[0] if len(others) == 1 else None
     many = typing.get_origin(annotation) is Sequence
     if many:
         (annotation,) = typing.get_args(annotation)
-    return (annotation, optional, many) if annotation in WORDS else None
+    part = inspect.isclass(annotation) and annotation.__module__.startswith(OURS) and not many
+    return (annotation, optional, many) if part or annotation in WORDS else None
 
 
 def _fits(value: Any, kind: type, optional: bool, many: bool) -> bool:
@@ -71,6 +87,10 @@ def _fits(value: Any, kind: type, optional: bool, many: bool) -> bool:
         return optional
     if many:
         return isinstance(value, ListConfig) and all(_fits(item, kind, False, False) for item in value)
+    if kind in (str, Path):
+        return not isinstance(value, DictConfig | ListConfig)
+    if kind not in WORDS:
+        return isinstance(value, DictConfig) and "_target_" in value
     if isinstance(value, bool):
         return kind is bool
     return isinstance(value, (int, float) if kind is float else kind)

@@ -55,6 +55,7 @@ class ScoreModule(L.LightningModule):
         self.network, self.selector, self.points = network, selector, points
         if compiled:
             compile_layers(network)
+        _refuse_optimization(optimizer, scheduler)
         self.make_optimizer, self.make_scheduler = optimizer, scheduler
         self.save_hyperparameters({"network": dict(network.config), "selector": selector.config}, logger=False)
 
@@ -151,3 +152,13 @@ class ScoreModule(L.LightningModule):
         if self.make_scheduler is None:
             return optimizer, None
         return optimizer, self.make_scheduler(optimizer, T_max=self.trainer.max_steps)
+
+
+def _refuse_optimization(optimizer: Callable[..., Optimizer], scheduler: Callable[..., LRScheduler] | None) -> None:
+    """Raises BadInputError for those that can't be made, which else is found after all data were prepared."""
+    try:
+        made = optimizer([torch.zeros(1, requires_grad=True)])
+        if scheduler is not None:
+            scheduler(made, T_max=1)
+    except (TypeError, ValueError) as error:
+        raise BadInputError(f"the optimizer or its schedule (optim) can't be made: {error}") from error

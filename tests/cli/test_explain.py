@@ -29,18 +29,31 @@ def test_defects_of_the_program_are_not_explained_away():
     assert explain(RuntimeError("the DataLoader is odd")) is None
 
 
-@pytest.mark.parametrize(("key", "told"), [("trainer", True), ("model", False)])
-def test_what_lightning_has_against_a_job_of_slurm_is_said(monkeypatch, key, told):
+def sentence_of(**node: object) -> str | None:
+    with pytest.raises(InstantiationException) as caught:
+        instantiate(OmegaConf.create({"part": node}), _convert_="all")
+    return explain(caught.value)
+
+
+def test_what_lightning_has_against_a_job_of_slurm_is_said(monkeypatch):
     monkeypatch.setenv("SLURM_NTASKS", "2")
     monkeypatch.setenv("SLURM_JOB_NAME", "training")
-    node = OmegaConf.create({key: {"_target_": "lightning.Trainer", "accelerator": "cpu", "logger": False}})
-    with pytest.raises(InstantiationException) as caught:
-        instantiate(node)
-    sentence = explain(caught.value)
-    if told:
-        assert sentence.startswith("trainer can't be made: You set `--ntasks=2` in your SLURM bash script")
-    else:
-        assert sentence is None
+    sentence = sentence_of(_target_="lightning.Trainer", accelerator="cpu", logger=False)
+    assert sentence.startswith("part can't be made: You set `--ntasks=2` in your SLURM bash script")
+
+
+def test_what_a_constructor_can_not_take_is_said_and_a_defect_of_one_is_not():
+    told = sentence_of(_target_="lightning.Trainer", accelerator="cpu", max_time=[1, 2])
+    assert told == "part can't be made: 'list' object has no attribute 'total_seconds'"
+    assert sentence_of(_target_="fractions.Fraction", denominator="x", numerator=1).startswith("part can't be made: ")
+    assert sentence_of(_target_="asyncio.get_running_loop") is None
+
+
+def test_a_target_that_is_not_there_is_said():
+    told = sentence_of(_target_="my_package.Loader")
+    assert told == "part._target_ is my_package.Loader, which can't be imported: No module named 'my_package'"
+    assert sentence_of(_target_="sips_lit.types.Nothing").startswith("part._target_ is sips_lit.types.Nothing, which")
+    assert sentence_of(_target_=-1).startswith("part._target_ is no class or function: Expected a callable target, got")
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])

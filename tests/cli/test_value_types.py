@@ -1,4 +1,5 @@
 import pytest
+from cli_runs import TINY
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
@@ -36,6 +37,21 @@ def training(*overrides: str):
         ("module", "model.derivatives=1", "model.derivatives is 1: give true or false"),
         ("module", "module.selector.nms_radius=5.5", "module.selector.nms_radius is 5.5: give a whole number"),
         ("module", "module.ranking=x", "module.ranking is x: give a number"),
+        (
+            "module",
+            "module.network=[a]",
+            "module.network is ['a']: give a configuration, with _target_, of a ScoreNetwork",
+        ),
+        (
+            "module",
+            "module.selector=3",
+            "module.selector is 3: give a configuration, with _target_, of a PointSelector",
+        ),
+        ("module", "optim.optimizer._target_=[a]", "optim.optimizer._target_ is ['a']: give text, or null"),
+        ("module", "optim.optimizer._partial_=1", "optim.optimizer._partial_ is 1: give true or false, or null"),
+        ("datamodule", "datamodule.index_folder=[a,b]", "datamodule.index_folder is ['a', 'b']: give a path"),
+        ("logger", "logger.name={a: 1}", "logger.name is {'a': 1}: give text"),
+        ("logger", "logger.save_dir=[a]", "logger.save_dir is ['a']: give a path"),
     ],
 )
 def test_the_key_and_what_it_takes_are_told(part, override, sentence):
@@ -47,6 +63,55 @@ def test_the_key_and_what_it_takes_are_told(part, override, sentence):
 @pytest.mark.parametrize("override", ["datamodule.overlap=1", "datamodule.budgets=[]", "data.max_side=null", "seed=3"])
 def test_a_whole_number_is_a_number_and_null_is_taken_where_it_may_be(override):
     refuse_wrong_types(training(override).datamodule)
+
+
+@pytest.mark.parametrize("override", ["logger.version=3", "logger.name=true", "seed=3", "descriptor._partial_=null"])
+def test_a_number_is_taken_as_text_and_a_part_that_is_one_stays(override):
+    for part in ("logger", "module", "datamodule"):
+        refuse_wrong_types(training(override.replace("descriptor", "++descriptor"))[part])
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "sentence"),
+    [
+        ("train", "init=[a.ckpt,b.ckpt]", "init is ['a.ckpt', 'b.ckpt']: give text, or null"),
+        ("train", "ckpt_path=[a,b]", "ckpt_path is ['a', 'b']: give text, or null"),
+        ("train", "seed=[1,2]", "seed is [1, 2]: give a whole number"),
+        ("train", "seed={a: 1}", "seed is {'a': 1}: give a whole number"),
+        ("train", "seed=-1", "seed is -1: give a whole number from 0 to 4294967295"),
+        ("train", f"seed={2**32}", "seed is 4294967296: give a whole number from 0 to 4294967295"),
+        (
+            "train",
+            "data._target_=my_package.frames",
+            "datamodule.data._target_ is my_package.frames, which can't be imported: No module named 'my_package'",
+        ),
+        ("train", "callbacks.average=text", "callbacks.average is text: give a configuration, with _target_, or null"),
+        ("train", "callbacks.calibration.bins=0", "bins of the calibration is 0: give a whole number above 0"),
+        (
+            "train",
+            "optim.optimizer.lr=-1",
+            "the optimizer or its schedule (optim) can't be made: Invalid learning rate: -1",
+        ),
+        (
+            "train",
+            "module.optimizer=3",
+            "the optimizer or its schedule (optim) can't be made: 'int' object is not callable",
+        ),
+        ("train", "k=2.5", "k is 2.5: give a whole number"),
+        ("train", "compare=[a]", "compare is ['a']: give keys of sips-benchmark, as experiment=quickstart does"),
+        ("train", "trainer.max_time=[1,2]", "trainer can't be made: 'list' object has no attribute 'total_seconds'"),
+        ("train", "datamodule.budgets={a: 1}", "datamodule.budgets is {a: 1}: give a list in square brackets, [1,2]"),
+        ("index", "workers=[1,2]", "workers is [1, 2]: give a whole number"),
+        ("index", "overlap={a: 1}", "overlap is {'a': 1}: give a number"),
+        ("index", "paths.indexes=[a,b]", "paths.indexes is ['a', 'b']: give text, or null"),
+        ("evaluate", "paths.run=[a,b]", "paths.run is ['a', 'b']: give text, or null"),
+        ("evaluate", "ks={a: 1}", "ks is {a: 1}: give a list in square brackets, [1,2]"),
+        ("export", "size={a: 1}", "size is {'a': 1}: give a list in square brackets, [1,2]"),
+    ],
+)
+def test_commands_refuse_lists_and_mappings_for_single_values(command, frames, name, wrong, sentence):
+    data = [] if name == "export" else [*(TINY if name == "train" else []), "data=folder", f"data.path={frames}"]
+    assert command(name, *data, wrong).sentence == sentence
 
 
 def test_what_is_not_ours_or_not_there_is_left_to_hydra():
