@@ -1,16 +1,15 @@
-"""Distillation: a small network learns the probability that a trained one, or several together, give every pixel."""
+"""Distillation: a small network learns the probability that a trained one gives every pixel."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LRScheduler
 
-from sips_lit.detect.checkpoint import digest_of, load_network
+from sips_lit.detect.checkpoint import digest_of
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector
 from sips_lit.errors import BadInputError
@@ -19,31 +18,20 @@ from sips_lit.train.dense_loss import logit_loss, soft_target_loss
 from sips_lit.train.score_module import ScoreModule
 
 
-def load_teachers(path: str | Path | Sequence[str | Path]) -> list[ScoreNetwork]:
-    """The networks of a file, or of each of several. Raises BadInputError as `load_network` does, and for no file."""
-    files = [path] if isinstance(path, str | Path) else list(path)
-    if not files:
-        raise BadInputError("teacher names no network: give one, or several as teacher=[a.ckpt,b.ckpt]")
-    return [load_network(file) for file in files]
-
-
 class DistillModule(ScoreModule):
-    """Trains a score network to give what ``teachers`` give, on crops that all see alike; a step is a batch of crops.
-
-    Several teachers teach the mean of their logits, the geometric mean of their odds (our choice): networks of several
-    seeds differ most on images unlike those that they learned from, and there their mean is better than each.
+    """Trains a score network to give what ``teacher`` gives, on crops that both see alike; a step is a batch of crops.
 
     ``emphasis`` and ``bound``: see `soft_target_loss` and `logit_loss`; ``logit_weight``: weight of the latter; the other
     arguments: see `ScoreModule`. Raises BadInputError for a negative weight, and a ``bound`` that is not positive.
     """
 
-    teachers: list[ScoreNetwork]
+    teacher: ScoreNetwork
 
     def __init__(
         self,
         network: ScoreNetwork,
         selector: PointSelector,
-        teachers: Sequence[ScoreNetwork],
+        teacher: ScoreNetwork,
         optimizer: Callable[..., Optimizer],
         scheduler: Callable[..., LRScheduler] | None = None,
         points: int = 500,
@@ -58,30 +46,29 @@ class DistillModule(ScoreModule):
                 "emphasis and logit_weight of the module can't be negative, and bound must be positive: they are "
                 f"{emphasis:g}, {logit_weight:g} and {bound:g}"
             )
-        # not as submodules: they are neither trained nor averaged, nor stored with the student
-        self.__dict__["teachers"] = [teacher.eval().requires_grad_(False) for teacher in teachers]
+        # not as a submodule: it is neither trained nor averaged, nor stored with the student
+        self.__dict__["teacher"] = teacher.eval().requires_grad_(False)
         self.emphasis, self.logit_weight, self.bound = emphasis, logit_weight, bound
 
     @property
     def margin(self) -> int:
-        """Pixels around a crop that the logits of its pixels depend on: those of the largest receptive field."""
-        return max(self.network.radius, *(teacher.radius for teacher in self.teachers))
+        """Pixels around a crop that the logits of its pixels depend on: those of the larger receptive field."""
+        return max(self.network.radius, self.teacher.radius)
 
     @property
     def learns_from(self) -> dict[str, str]:
-        """The teachers' weights: a file may have been written anew."""
-        return {"weights of teacher": " ".join(digest_of(teacher) for teacher in self.teachers)}
+        """The teacher's weights: its file may have been written anew."""
+        return {"weights of teacher": digest_of(self.teacher)}
 
     def on_fit_start(self) -> None:
-        """Brings the teachers to where the student is."""
-        for teacher in self.teachers:
-            teacher.to(self.device)
+        """Brings the teacher to where the student is."""
+        self.teacher.to(self.device)
 
     def training_step(self, batch: CropBatch, batch_idx: int) -> Tensor:
-        """Weighted cross-entropy with the teachers' probabilities, and the distance of the logits."""
+        """Weighted cross-entropy with the teacher's probabilities, and the distance of the logits."""
         images = batch.images.float()
         with torch.no_grad():
-            target = torch.stack([teacher.interior(images, self.margin) for teacher in self.teachers]).mean(dim=0)
+            target = self.teacher.interior(images, self.margin)
             floor = soft_target_loss(target, target, batch.inside, self.emphasis)
         logits = self.network.interior(images, self.margin)
         entropy = soft_target_loss(logits, target, batch.inside, self.emphasis)

@@ -71,22 +71,6 @@ def distil(run: Path, frames: Path, *overrides: str, **callbacks: dict) -> float
     return run_it(run, frames, *overrides, tiny=DISTILL, **callbacks)
 
 
-def test_several_teachers_are_given_as_a_list(command, checkpoint, frames, tmp_path):
-    other = tmp_path / "other, of seed 3.safetensors"
-    export_safetensors(tiny_network(3), PointSelector(), other)
-    teachers = f"teacher=[{checkpoint},'{other}']"
-    run = tmp_path / "run"
-    distilled = command("train", *given(frames, teachers, *STEPS, f"hydra.run.dir={run}", base=DISTILL))
-    assert distilled.code == 0, distilled.err
-    last = f"ckpt_path={run}/checkpoints/last.ckpt"
-    with pytest.raises(BadInputError, match="of another run, with weights of teacher="):
-        distil(tmp_path / "again", frames, f"teacher={checkpoint}", *STEPS, last)
-    gone = command("train", *given(frames, f"teacher=[{checkpoint},{tmp_path}/gone.ckpt]", base=DISTILL))
-    assert f"there is no checkpoint {tmp_path}/gone.ckpt" in gone.sentence
-    none = command("train", *given(frames, "teacher=[]", base=DISTILL))
-    assert none.sentence == "teacher names no network: give one, or several as teacher=[a.ckpt,b.ckpt]"
-
-
 def test_the_teacher_must_be_a_network(command, frames, tmp_path):
     assert command("train", *given(frames, base=DISTILL)).sentence.startswith("teacher is not set: add teacher=...")
     gone = command("train", *given(frames, f"teacher={tmp_path}/gone.ckpt", base=DISTILL))

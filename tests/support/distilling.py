@@ -1,6 +1,5 @@
 """A tiny distillation: a teacher with something to teach, crops, and a student."""
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -15,20 +14,19 @@ from sips_lit.train.crop_datamodule import CropDataModule
 from sips_lit.train.distill import DistillModule
 
 
-def teacher(depth: int = 4, seed: int = 5) -> ScoreNetwork:
+def teacher() -> ScoreNetwork:
     """Untrained, but with logits that differ from pixel to pixel."""
-    torch.manual_seed(seed)
-    network = ScoreNetwork(depth, 6)
+    torch.manual_seed(5)
+    network = ScoreNetwork(4, 6)
     with torch.no_grad():
         network.layers[-1].weight.mul_(30)
     return network.eval()
 
 
-def distilling(network: ScoreNetwork | None = None, teachers: Sequence[ScoreNetwork] = (), **options) -> DistillModule:
-    """``teachers``: none given is `teacher`."""
+def distilling(network: ScoreNetwork | None = None, **options) -> DistillModule:
     torch.manual_seed(0)
     options = {"optimizer": partial(torch.optim.Adam, lr=1e-2), "points": 40, **options}
-    return DistillModule(network or ScoreNetwork(3, 4), PointSelector(3), teachers or [teacher()], **options)
+    return DistillModule(network or ScoreNetwork(3, 4), PointSelector(3), teacher(), **options)
 
 
 def crops(tmp_path: Path, **options) -> CropDataModule:

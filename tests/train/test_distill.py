@@ -4,14 +4,13 @@ import torch
 from distilling import crops, distilling, teacher
 from train_run import Watch, fit
 
-from sips_lit.detect.checkpoint import digest_of, export_safetensors, load_checkpoint
+from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.score_network import ScoreNetwork
-from sips_lit.detect.selection import PointSelector, image_tensor
+from sips_lit.detect.selection import image_tensor
 from sips_lit.errors import BadInputError
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.crops import TrainingCrops
 from sips_lit.train.dense_loss import logit_loss, soft_target_loss
-from sips_lit.train.distill import load_teachers
 
 
 @pytest.fixture
@@ -38,7 +37,7 @@ def test_the_loss_is_that_of_whole_crops_with_their_surroundings(step, options, 
     margin = max(depth, 4)
     assert batch.images.shape[-1] == 32 + 2 * margin
     with torch.no_grad():
-        whole = [network(batch.images.float()) for network in (module.network, *module.teachers)]
+        whole = [network(batch.images.float()) for network in (module.network, module.teacher)]
     student, target = (logits[..., margin:-margin, margin:-margin] for logits in whole)
     weight, bound = options.get("logit_weight", 0.1), options.get("bound", 8.0)
     entropy = soft_target_loss(student, target, batch.inside, options.get("emphasis", 20.0))
@@ -46,41 +45,6 @@ def test_the_loss_is_that_of_whole_crops_with_their_surroundings(step, options, 
     torch.testing.assert_close(loss.detach(), expected)
     assert logged["train/loss"] == pytest.approx(float(expected), rel=1e-5)
     assert 0 < logged["train/excess_loss"] < logged["train/loss"]
-
-
-def test_several_teachers_teach_the_mean_of_their_logits(step):
-    """With the receptive field of the widest."""
-    teachers = [teacher(4, seed=1), teacher(6, seed=2), teacher(3, seed=3)]
-    module = distilling(teachers=teachers)
-    assert module.margin == 6
-    loss, logged, batch = step(module)
-    images = batch.images.float()
-    with torch.no_grad():
-        student, *each = (net(images)[..., 6:-6, 6:-6] for net in (module.network, *teachers))
-    odds = np.prod([logits.double().exp().numpy() for logits in each], axis=0) ** (1 / 3)
-    target = torch.from_numpy(np.log(odds)).float()
-    floor, entropy = (soft_target_loss(logits, target, batch.inside) for logits in (target, student))
-    torch.testing.assert_close(loss.detach(), entropy + 0.1 * logit_loss(student, target, batch.inside))
-    assert logged["train/excess_loss"] == pytest.approx(float(loss.detach() - floor), rel=1e-4)
-    loss.backward()
-    assert all(p.grad is None for net in teachers for p in net.parameters())
-
-
-def test_what_is_learned_from_is_the_weights_of_all_teachers():
-    one, other = teacher(seed=1), teacher(seed=2)
-    learned = [distilling(teachers=teachers).learns_from for teachers in ([one], [other], [one, other])]
-    assert len({told["weights of teacher"] for told in learned}) == 3
-    assert distilling(teachers=[teacher(seed=1)]).learns_from == learned[0]
-
-
-def test_teachers_are_read_from_one_file_or_several(tmp_path):
-    files = [tmp_path / "a.safetensors", tmp_path / "b.safetensors"]
-    for seed, file in enumerate(files):
-        export_safetensors(teacher(seed=seed), PointSelector(), file)
-    assert [digest_of(net) for net in load_teachers(str(files[1]))] == [digest_of(teacher(seed=1))]
-    assert [digest_of(net) for net in load_teachers(files)] == [digest_of(teacher(seed=seed)) for seed in (0, 1)]
-    with pytest.raises(BadInputError, match="teacher names no network"):
-        load_teachers([])
 
 
 def test_a_student_that_is_its_teacher_has_nothing_to_learn(step):
@@ -91,17 +55,17 @@ def test_a_student_that_is_its_teacher_has_nothing_to_learn(step):
     assert logged["train/logit_difference"] == 0
     loss.backward()
     assert max(float(p.grad.abs().max()) for p in module.network.parameters()) < 1e-4
-    assert all(p.grad is None for p in module.teachers[0].parameters())
+    assert all(p.grad is None for p in module.teacher.parameters())
 
 
 def test_a_student_learns_in_seconds(tmp_path):
     module, watch = distilling(ScoreNetwork(4, 6)), Watch()
     excess = []
     watch.on_train_batch_end = lambda trainer, *_: excess.append(float(trainer.callback_metrics["train/excess_loss"]))
-    before = [p.clone() for p in module.teachers[0].parameters()]
+    before = [p.clone() for p in module.teacher.parameters()]
     fit(module, crops(tmp_path), steps=80, callbacks=[watch])
     assert np.mean(excess[-10:]) < 0.5 * np.mean(excess[:5])
-    assert all(torch.equal(a, b) for a, b in zip(before, module.teachers[0].parameters(), strict=True))
+    assert all(torch.equal(a, b) for a, b in zip(before, module.teacher.parameters(), strict=True))
     assert len(watch.validated) == 2
 
 
