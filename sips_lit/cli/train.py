@@ -166,6 +166,11 @@ def pairs_between_validations(trainer: DictConfig) -> int:
     for key, what in (("max_steps", "steps"), ("val_check_interval", "steps"), ("accumulate_grad_batches", "pairs")):
         if not isinstance(trainer[key], int) or trainer[key] < 1:
             raise BadInputError(f"trainer.{key} is {trainer[key]}: set it to a number of {what}, 1 or more")
+    if trainer.check_val_every_n_epoch not in (None, 1):
+        raise BadInputError(
+            f"trainer.check_val_every_n_epoch is {trainer.check_val_every_n_epoch}: leave it null, a run is one epoch, and "
+            "trainer.val_check_interval says when it validates"
+        )
     if trainer.limit_val_batches == 0:
         raise BadInputError(
             "trainer.limit_val_batches is 0: checkpoints are saved after validations, so let it validate"

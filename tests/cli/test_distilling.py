@@ -75,6 +75,8 @@ def test_the_teacher_must_be_a_network(command, frames, tmp_path):
     assert command("train", *given(frames, base=DISTILL)).sentence.startswith("teacher is not set: add teacher=...")
     gone = command("train", *given(frames, f"teacher={tmp_path}/gone.ckpt", base=DISTILL))
     assert f"there is no checkpoint {tmp_path}/gone.ckpt" in gone.sentence
+    several = command("train", *given(frames, "teacher=[a.ckpt,b.ckpt]", base=DISTILL))
+    assert several.sentence == "teacher is ['a.ckpt', 'b.ckpt']: give a path"
     (tmp_path / "bad.ckpt").write_bytes(b"no checkpoint")
     bad = command("train", *given(frames, f"teacher={tmp_path}/bad.ckpt", base=DISTILL))
     assert "bad.ckpt can't be read as a checkpoint" in bad.sentence

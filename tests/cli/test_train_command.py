@@ -283,6 +283,8 @@ def test_exported_weights_to_go_on_from(command, frames, checkpoint):
         ("val_check_interval=0.5", "trainer.val_check_interval is 0.5"),
         ("accumulate_grad_batches=0", "trainer.accumulate_grad_batches is 0: set it to a number of pairs"),
         ("limit_val_batches=0", "trainer.limit_val_batches is 0: checkpoints are saved after validations"),
+        ("check_val_every_n_epoch=0", "trainer.check_val_every_n_epoch is 0: leave it null, a run is one epoch"),
+        ("check_val_every_n_epoch=2", "trainer.check_val_every_n_epoch is 2: leave it null"),
         ("limit_val_batches=0.01", "Try at least `limit_val_batches=0.5`"),
     ],
 )
