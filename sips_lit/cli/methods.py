@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +27,12 @@ class Entry:
     """A detector as asked for: its name in the group ``detector``, and what is set differently.
 
     With ``_target_`` among the overrides it needs no file in the group, and the name is what files and tables call it.
+    ``parts``: how many last parts of a path are told.
     """
 
     detector: str
     overrides: Mapping[str, Any]
+    parts: int = 1
 
     @property
     def key(self) -> str:
@@ -45,7 +47,8 @@ class Entry:
 
     @property
     def _noted(self) -> list[tuple[str, str]]:
-        return [(key, Path(str(value)).name) for key, value in self.overrides.items() if key != "_target_"]
+        given = [(key, Path(str(value)).parts) for key, value in self.overrides.items() if key != "_target_"]
+        return [(key, str(Path(*parts[-self.parts :]))) for key, parts in given]
 
 
 def known_detectors() -> list[str]:
@@ -65,10 +68,21 @@ def parse_entries(detectors: Any) -> list[Entry]:
     if not isinstance(listed, list) or not listed:
         raise BadInputError(f"detectors is {plain}: give all, or a list of {', '.join(known)}")
     entries = [_entry(item, known) for item in listed]
-    keys = [entry.key for entry in entries]
-    twice = next((key for key in keys if keys.count(key) > 1), None)
+    twice = next((entry for entry in entries if entries.count(entry) > 1), None)
     if twice is not None:
-        raise BadInputError(f"detectors has {twice} twice: leave one out")
+        raise BadInputError(f"detectors has {twice.key} twice: leave one out")
+    return _told_apart(entries)
+
+
+def _told_apart(entries: list[Entry]) -> list[Entry]:
+    """Different entries with different keys: ``best.ckpt`` of several runs is told with the folders in which they differ."""
+    longest = max(len(Path(str(value)).parts) for entry in entries for value in ("", *entry.overrides.values()))
+    for parts in range(2, longest + 1):
+        keys = [entry.key for entry in entries]
+        entries = [
+            replace(entry, parts=parts) if keys.count(key) > 1 else entry
+            for entry, key in zip(entries, keys, strict=True)
+        ]
     return entries
 
 

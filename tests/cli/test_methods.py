@@ -92,6 +92,7 @@ def test_one_detector_with_one_descriptor(detector, key, name):
     [
         (["sift", "siftt"], "there is no detector siftt: choose from .*shi_tomasi"),
         (["sift", "sift"], "has sift twice"),
+        ([{"sips": {"path": "a/b.ckpt"}}, {"sips": {"path": "a/b.ckpt"}}], "has sips_path_b.ckpt twice"),
         ([], "give all, or a list"),
         ([3], "has the entry 3"),
         ([{"sift": {}, "orb": {}}], "has the entry"),
@@ -105,6 +106,30 @@ def test_what_is_refused_before_anything_runs(detectors, words):
     config.detectors = OmegaConf.create({"d": detectors}).d
     with pytest.raises(BadInputError, match=words):
         make_methods(config, lambda key, reason: None)
+
+
+def entries_of(*paths: str) -> list[tuple[str, str]]:
+    return [(entry.key, entry.note) for entry in parse_entries([{"sips": {"path": path}} for path in paths])]
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders():
+    runs = [f"/w/train/{run}/checkpoints/best.ckpt" for run in ("a", "b")]
+    assert entries_of(*runs, "/w/c.ckpt") == [
+        ("sips_path_a_checkpoints_best.ckpt", " (path a/checkpoints/best.ckpt)"),
+        ("sips_path_b_checkpoints_best.ckpt", " (path b/checkpoints/best.ckpt)"),
+        ("sips_path_c.ckpt", " (path c.ckpt)"),
+    ]
+    assert [note for _, note in entries_of("best.ckpt", "a/best.ckpt", "b/c/best.ckpt")] == [
+        " (path best.ckpt)",
+        " (path a/best.ckpt)",
+        " (path c/best.ckpt)",
+    ]
+    assert entries_of("/best.ckpt", "a/best.ckpt")[0][1] == " (path /best.ckpt)"
+
+
+def test_one_file_in_several_ways_is_told_by_what_differs():
+    entries = parse_entries([{"sips": {"path": "/w/a/best.ckpt", "octaves": octaves}} for octaves in (1, 2)])
+    assert [entry.note for entry in entries] == [f" (path best.ckpt, octaves {octaves})" for octaves in (1, 2)]
 
 
 def test_one_name_is_a_list():
