@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sips_lit.errors import BadInputError
 from sips_lit.types import GreyImage
 
 
@@ -21,6 +22,8 @@ class KltTracker:
     ``window``: side of the patch in pixels; ``max_level``: pyramid levels above the image; ``iterations`` a level at most,
     fewer once an update is below ``accuracy`` pixels; ``max_roundtrip``: a step holds if tracking forward and backward
     returns within this many pixels; ``margin``: and if the point stays this far inside the image.
+
+    Raises BadInputError for a patch or a pyramid that there is not.
     """
 
     window: int = 15
@@ -29,6 +32,11 @@ class KltTracker:
     accuracy: float = 0.03
     max_roundtrip: float = 1.0
     margin: float = 4.0
+
+    def __post_init__(self) -> None:
+        for name, value, least in (("window", self.window, 3), ("max_level", self.max_level, 0)):
+            if value < least:
+                raise BadInputError(f"{name} of the tracker is {value}: give {least} or more")
 
     @property
     def parameters(self) -> Mapping[str, Any]:

@@ -70,6 +70,8 @@ class PairDataModule(ValidationDataModule):
             raise BadInputError(f"datamodule.budgets are numbers of points from 1 on, and are {list(budgets)}")
         if between < 0:
             raise BadInputError(f"datamodule.between counts frames between two, from 0, and is {between}")
+        if labelling_workers < 0:
+            raise BadInputError(f"labelling_workers of the data is {labelling_workers}: give 0 or more")
         self.augmentation, self.labelling_workers = augmentation, labelling_workers
         self.budgets, self.between = list(budgets), between
 

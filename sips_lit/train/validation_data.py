@@ -56,6 +56,10 @@ class ValidationDataModule(L.LightningDataModule):
         val_seed: int = 0,
     ) -> None:
         super().__init__()
+        counts = ("val_pairs", val_pairs, 1), ("loading_workers", loading_workers, 0)
+        for name, value, least in (*counts, ("seed", seed, 0), ("val_seed", val_seed, 0)):
+            if value < least:
+                raise BadInputError(f"{name} of the data is {value}: give {least} or more")
         self.descriptor, self.inliers = descriptor, inliers
         self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
         self.overlap, self.spread, self.val_pairs = overlap, spread, val_pairs

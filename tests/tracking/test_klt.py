@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from textured_scenes import flight, texture
 
+from sips_lit.errors import BadInputError
 from sips_lit.geometry.projection import apply_homography
 from sips_lit.tracking.klt import KltTracker
 
@@ -23,6 +24,20 @@ def test_follows_a_known_motion_through_many_frames(zoom):
     assert np.median(error) < 0.2
     assert error.max() < 0.6
     assert np.linalg.norm(ends - xy, axis=1)[survived].min() > 5  # the motion is large against the tolerance
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"window": 2}, "window of the tracker is 2: give 3 or more"),
+        ({"window": -1}, "window of the tracker is -1"),
+        ({"max_level": -1}, "max_level of the tracker is -1: give 0 or more"),
+    ],
+)
+def test_patches_and_pyramids_that_there_are_not(option, words):
+    with pytest.raises(BadInputError, match=words):
+        KltTracker(**option)
+    assert KltTracker(window=3, max_level=0).step(texture(40, 40), texture(40, 40), grid(60, 60, 20, 5))[1].any()
 
 
 def test_a_step_is_that_of_the_homography(short_flight):

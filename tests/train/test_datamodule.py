@@ -12,7 +12,16 @@ from sips_lit.train.loader import LabelledPair
 
 
 @pytest.mark.parametrize(
-    ("option", "words"), [({"between": -1}, r"between .* is -1"), ({"budgets": [25, 0]}, r"budgets .* are \[25, 0\]")]
+    ("option", "words"),
+    [
+        ({"between": -1}, r"between .* is -1"),
+        ({"budgets": [25, 0]}, r"budgets .* are \[25, 0\]"),
+        ({"val_pairs": 0}, "val_pairs of the data is 0: give 1 or more"),
+        ({"loading_workers": -1}, "loading_workers of the data is -1: give 0 or more"),
+        ({"labelling_workers": -1}, "labelling_workers of the data is -1: give 0 or more"),
+        ({"seed": -1}, "^seed of the data is -1: give 0 or more"),
+        ({"val_seed": -1}, "val_seed of the data is -1: give 0 or more"),
+    ],
 )
 def test_numbers_that_can_label_nothing(tmp_path, option, words):
     with pytest.raises(BadInputError, match=words):
