@@ -8,7 +8,6 @@ import lightning as L
 import torch
 
 from sips_lit.callbacks.tensorboard import show
-from sips_lit.errors import BadInputError
 from sips_lit.inliers.verification import VerifiedPair
 from sips_lit.metrics.calibration import Calibration
 from sips_lit.render.reliability import draw_reliability
@@ -18,12 +17,9 @@ class CalibrationValidation(L.Callback):
     """Logs ECE, MCE and Brier score of the points' probabilities, and the reliability diagram as a figure.
 
     All points that the module selects in the validation pairs count, as in training; those of unknown truth don't.
-    Raises BadInputError without bins.
     """
 
     def __init__(self, bins: int = 20) -> None:
-        if bins < 1:
-            raise BadInputError(f"bins of the calibration is {bins}: give a whole number above 0")
         self.metric = Calibration(bins)
 
     def on_validation_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:

@@ -17,7 +17,7 @@ from sips_lit.files import LONGEST_NAME, can_be_path
 PATH_KEYS: Final = frozenset(
     {"path", "root", "input", "output", "checkpoint", "ckpt_path", "pairs_file", "features", "images", "weights"}
     | {"init", "teacher"}
-    | {"results", "cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir", "names"}
+    | {"results", "cache_dir", "folder", "index_folder", "dirpath", "default_root_dir", "dir", "names", "filename"}
     | {"gradient_costs"}
     | {"camera"}
 )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
+from sips_lit.errors import BadInputError
 from sips_lit.metrics.exact_sums import ExactSums
 
 FloatVector = NDArray[np.float64]
@@ -108,7 +109,12 @@ class Calibration(ExactSums[CalibrationResult]):
     scalars = ("ece", "mce", "brier")
 
     def __init__(self, bins: int = 20, **kwargs: Any) -> None:
-        """Sort the scores into ``bins`` equal bins; ``kwargs`` go to `torchmetrics.Metric`."""
+        """Sort the scores into ``bins`` equal bins; ``kwargs`` go to `torchmetrics.Metric`.
+
+        Raises BadInputError without bins.
+        """
+        if bins < 1:
+            raise BadInputError(f"bins of the calibration is {bins}: give a whole number above 0")
         super().__init__(4, bins, **kwargs)
         self.bins = bins
 

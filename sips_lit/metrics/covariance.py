@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sips_lit.errors import BadInputError
 from sips_lit.metrics.exact_sums import ExactSums
 
 FloatVector = NDArray[np.float64]
@@ -96,7 +97,12 @@ class CovarianceCalibration(ExactSums[CovarianceReliability]):
     scalars = ("error", "scale", "nll")
 
     def __init__(self, bins: int = 20, **kwargs: Any) -> None:
-        """Counts in ``bins`` equal bins of probability; ``kwargs`` go to `torchmetrics.Metric`."""
+        """Counts in ``bins`` equal bins of probability; ``kwargs`` go to `torchmetrics.Metric`.
+
+        Raises BadInputError without bins.
+        """
+        if bins < 1:
+            raise BadInputError(f"bins of the covariance is {bins}: give a whole number above 0")
         super().__init__(bins + 2, **kwargs)
         self.bins = bins
 

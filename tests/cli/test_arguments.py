@@ -43,7 +43,16 @@ def parsed(argument: str) -> object:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
-    "key", ["data.path", "input", "output", "paths.outputs", "+pair_sets.a.data.path", "hydra.run.dir"]
+    "key",
+    [
+        "data.path",
+        "input",
+        "output",
+        "paths.outputs",
+        "+pair_sets.a.data.path",
+        "hydra.run.dir",
+        "callbacks.checkpoint.filename",
+    ],
 )
 def test_paths_are_text(key: str, name: str):
     (argument,) = as_typed([f"{key}={name}"])

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torchmetrics.functional.classification import binary_calibration_error
 
+from sips_lit.errors import BadInputError
 from sips_lit.metrics.calibration import Calibration, bin_sums, summarise
 
 POINTS = st.lists(st.tuples(st.floats(0, 1, width=32), st.booleans()), min_size=1, max_size=40)
@@ -122,3 +123,9 @@ def test_no_points_are_nan():
     metric.update(torch.zeros(0), torch.zeros(0, dtype=torch.bool))
     assert all(torch.isnan(value) for value in metric.compute().values())
     assert np.isnan(metric.result().mean_score).all()
+
+
+@pytest.mark.parametrize("bins", [-1, 0])
+def test_without_bins_there_is_nothing_to_count(bins):
+    with pytest.raises(BadInputError, match=f"bins of the calibration is {bins}: give a whole number above 0"):
+        Calibration(bins)

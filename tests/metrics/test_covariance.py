@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import torch
 
+from sips_lit.errors import BadInputError
 from sips_lit.metrics.covariance import CovarianceCalibration, reliability_sums, squared_mahalanobis, summarise
 
 TRUTH = np.array([[4.0, 0.5], [0.5, 0.25]])
@@ -76,3 +77,9 @@ def test_no_residuals():
 def test_what_is_no_residual_or_covariance(residual, covariance, words):
     with pytest.raises(ValueError, match=words):
         reliability_sums(residual, covariance)
+
+
+@pytest.mark.parametrize("bins", [-1, 0])
+def test_without_bins_there_is_nothing_to_count(bins):
+    with pytest.raises(BadInputError, match=f"bins of the covariance is {bins}: give a whole number above 0"):
+        CovarianceCalibration(bins)
