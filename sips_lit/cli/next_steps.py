@@ -31,7 +31,8 @@ def tensorboard(config: DictConfig) -> list[list[str]]:
 def after_training(config: DictConfig) -> list[list[str]]:
     """Using the best checkpoint, measuring it, looking at the curves."""
     saved = config.callbacks.checkpoint
-    best = None if saved is None else Path(saved.dirpath) / f"{saved.filename}.ckpt"
+    elsewhere = saved is None or saved.dirpath is None  # where Lightning chooses the folder
+    best = None if elsewhere else Path(saved.dirpath) / f"{saved.filename}.ckpt"
     if best is None or not best.is_file():
         return tensorboard(config)
     checkpoint = path_argument("checkpoint", best)

@@ -16,24 +16,25 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from sips_lit.errors import BadInputError
 
 OURS = "sips_lit."
+LOOKED_AT = (OURS, "lightning.", "torch.")  # what is named there takes numbers; others check theirs, or say no types
 WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text", Path: "a path"}
 
 
 def refuse_wrong_types(node: Any) -> None:
     """Raises BadInputError for the first number, switch, text or part in ``node`` that is none.
 
-    Looks at what our own classes and functions that it names, at any depth, take as int, float, bool, text or path, and as
-    one of our classes; what others take, they check.
+    Looks at what the classes and functions that it names, at any depth, take as int, float, bool, text or path, and as one
+    of our classes; what others than ours, Lightning's and PyTorch's take, they check.
     """
     if isinstance(node, ListConfig):
         for item in node:
             refuse_wrong_types(item)
     if not isinstance(node, DictConfig):
         return
-    own = {"_target_": str | None, "_partial_": bool | None}
+    own = {"_target_": str | None, "_partial_": bool}
     refuse_wrong_keys(node, {name: annotation for name, annotation in own.items() if name in node})
     target = OmegaConf.select(node, "_target_", default=None)
-    expected = _annotations(target) if isinstance(target, str) and target.startswith(OURS) else {}
+    expected = _annotations(target) if isinstance(target, str) and target.startswith(LOOKED_AT) else {}
     for name in node:
         if OmegaConf.is_missing(node, name):
             continue

@@ -58,6 +58,13 @@ def following(result) -> list[list[str]]:
     return [shlex.split(line) for line in result.out.partition("\nnext:\n")[2].splitlines()]
 
 
+@pytest.mark.parametrize("elsewhere", ["callbacks.checkpoint.dirpath=null", "callbacks.checkpoint.filename=null"])
+def test_a_training_whose_checkpoint_is_elsewhere_ends_well(command, frames, folders, elsewhere):
+    result = command("train", *TINY, "data=folder", f"data.path={frames}", elsewhere)
+    assert result.code == 0, result.err
+    assert result.out.endswith(f"\nnext:\n  tensorboard --logdir {folders}/outputs\n")
+
+
 def test_an_odometry_ends_with_what_is_measured_next(command, folders):
     desk = rgbd_files.write_simple(folders / "my desk")
     short = "iterations=50", "repeats=1"
