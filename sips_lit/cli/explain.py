@@ -113,7 +113,7 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
         if isinstance(cause, InstantiationException):
             where, why = re.search(r"full_key: (\S+)", str(cause)), type(cause.__cause__).__name__
             key = where[1] if where else "the configuration"
-            target = re.search(r"target '([^']+)'", str(cause))
+            target = re.search(r"target '([^']*)'", str(cause))
             if target and "locating" in target.string:
                 return f"{key}._target_ is {target[1]}, which can't be imported: {_deepest(cause)}"
             if why in REFUSED or (target and target[1].startswith(OTHERS)):

@@ -53,6 +53,7 @@ def test_a_target_that_is_not_there_is_said():
     told = sentence_of(_target_="my_package.Loader")
     assert told == "part._target_ is my_package.Loader, which can't be imported: No module named 'my_package'"
     assert sentence_of(_target_="sips_lit.types.Nothing").startswith("part._target_ is sips_lit.types.Nothing, which")
+    assert sentence_of(_target_="").startswith("part._target_ is , which can't be imported: ")
     assert sentence_of(_target_=-1).startswith("part._target_ is no class or function: Expected a callable target, got")
 
 
