@@ -10,7 +10,6 @@ from importlib.util import find_spec
 from threading import Lock
 from typing import Any, Final, Literal, Protocol, get_args
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -164,7 +163,7 @@ class OpenVino(_Exported):
             self._compiled.move_to_end(image.shape)
             while len(self._compiled) > SIZES_KEPT:
                 self._compiled.popitem(last=False)
-            return np.array(self._compiled[image.shape].infer({"image": image})[0])  # the request reuses its memory
+            return self._compiled[image.shape].infer({"image": image})[0]  # a copy: the request uses its memory again
 
 
 class Fastest:

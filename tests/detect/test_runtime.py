@@ -53,11 +53,13 @@ def test_the_detector_finds_the_same_points_by_any_runtime(name):
     np.testing.assert_allclose(found.score, expected.score, atol=1e-5)
 
 
-def test_results_stay_when_the_runtime_goes_on():
-    each = make_runtime(tiny_network(), "openvino")
-    first = each(IMAGE)
+@pytest.mark.parametrize("name", ["onnxruntime", "openvino"])
+@pytest.mark.parametrize("image", [IMAGE, IMAGE[..., :64, :96]], ids=["cut from blocks", "of whole blocks"])
+def test_results_stay_when_the_runtime_goes_on(name, image):
+    each = make_runtime(tiny_network(), name)
+    first = each(image)
     before = first.clone()
-    each(255 - IMAGE)
+    each(255 - image)
     assert torch.equal(first, before)
 
 
