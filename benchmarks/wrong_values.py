@@ -2,7 +2,8 @@
 
 Each key of each command (train, evaluate, ...; without any: all of them) gets each value, in a short run on small images
 that ``tests/support`` makes. A run must succeed or end in one sentence; prints every other end, and exits with 1 if there
-is any. ``--sample`` takes so many of all these runs, drawn by ``--seed``.
+is any. ``--sample`` takes so many of all these runs, drawn by ``--seed``. Left out: sips-data and sips-report, which take
+files, and the keys of the trainer that start processes.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def run(
         with logged(log_file()), explained(config):
             refuse_unread(config, config_name)
             paths = config.get("paths", {})
-            refuse_wrong_keys(paths, dict.fromkeys(paths, str | None))
+            refuse_wrong_keys(paths, dict.fromkeys(paths, Path | None))
             result = task(config)
             if following is not None and log_file() is not None and HydraConfig.get().mode == RunMode.RUN:
                 print(told(following(config)))

@@ -22,14 +22,13 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import InterpolationToMissingValueError, MissingMandatoryValue
 
 from sips_lit.cli.signals import INTERRUPTED, TERMINATED, leave_pipe, signals_heard
+from sips_lit.cli.value_types import OTHERS
 from sips_lit.errors import BadInputError, InputWarning, TrainingInterrupted
 from sips_lit.files import FULL, LONGEST_NAME, disk_of, unwritten
 
 # what a constructor raises for values that it can't take; by name, since not every command loads Lightning
 MISCONFIGURED = "MisconfigurationException"
 REFUSED = ("TypeError", "ValueError", MISCONFIGURED)
-# packages whose constructors say that they can't take a value by whatever it breaks first
-OTHERS = ("lightning.", "torch.")
 ALMOST_FULL = 1 << 20  # bytes: what failed to be written may have been more than a block
 _LOST_WORKER = re.compile(r"DataLoader worker .*(killed|exited unexpectedly)")
 
@@ -113,10 +112,12 @@ def explain(error: BaseException, config: DictConfig | None = None) -> str | Non
         if isinstance(cause, InstantiationException):
             where, why = re.search(r"full_key: (\S+)", str(cause)), type(cause.__cause__).__name__
             key = where[1] if where else "the configuration"
-            target = re.search(r"target '([^']*)'", str(cause))
-            if target and "locating" in target.string:
-                return f"{key}._target_ is {target[1]}, which can't be imported: {_deepest(cause)}"
-            if why in REFUSED or (target and target[1].startswith(OTHERS)):
+            gone = re.search(r"locating target '([^']*)'", str(cause))
+            if gone:
+                return f"{key}._target_ is {gone[1]}, which can't be imported: {_deepest(cause)}"
+            called = re.search(r"call to target '([^']*)'", str(cause))
+            # constructors of others say that they can't take a value by whatever it breaks first
+            if why in REFUSED or (called and called[1].startswith(OTHERS)):
                 return f"{key} can't be made: {cause.__cause__}"
             if "Expected a callable target" in str(cause):
                 return f"{key}._target_ is no class or function: {str(cause).splitlines()[0]}"

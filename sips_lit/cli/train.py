@@ -38,7 +38,7 @@ from sips_lit.train.validation_data import ValidationDataModule
 
 AUC = "val/succinctness_auc"
 LARGEST_SEED: Final = 2**32 - 1  # that NumPy takes
-KEYS: Final = {"seed": int, "val_seed": int, "k": int, "n_max": int, "ckpt_path": str | None, "init": str | None}
+KEYS: Final = {"seed": int, "val_seed": int, "k": int, "n_max": int, "ckpt_path": Path | None, "init": Path | None}
 """Keys of the command itself, with what they take."""
 
 

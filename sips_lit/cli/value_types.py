@@ -16,7 +16,8 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from sips_lit.errors import BadInputError
 
 OURS = "sips_lit."
-LOOKED_AT = (OURS, "lightning.", "torch.")  # what is named there takes numbers; others check theirs, or say no types
+OTHERS = ("lightning.", "torch.")
+LOOKED_AT = (OURS, *OTHERS)  # what is named there says what it takes; what else there is may say no types
 WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text", Path: "a path"}
 
 

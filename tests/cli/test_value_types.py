@@ -80,8 +80,8 @@ def test_a_number_is_taken_as_text_and_a_part_that_is_one_stays(override):
 @pytest.mark.parametrize(
     ("name", "wrong", "sentence"),
     [
-        ("train", "init=[a.ckpt,b.ckpt]", "init is ['a.ckpt', 'b.ckpt']: give text, or null"),
-        ("train", "ckpt_path=[a,b]", "ckpt_path is ['a', 'b']: give text, or null"),
+        ("train", "init=[a.ckpt,b.ckpt]", "init is ['a.ckpt', 'b.ckpt']: give a path, or null"),
+        ("train", "ckpt_path=[a,b]", "ckpt_path is ['a', 'b']: give a path, or null"),
         ("train", "seed=[1,2]", "seed is [1, 2]: give a whole number"),
         ("train", "seed={a: 1}", "seed is {'a': 1}: give a whole number"),
         ("train", "seed=-1", "seed is -1: give a whole number from 0 to 4294967295"),
@@ -110,8 +110,8 @@ def test_a_number_is_taken_as_text_and_a_part_that_is_one_stays(override):
         ("train", "datamodule.budgets={a: 1}", "datamodule.budgets is {a: 1}: give a list in square brackets, [1,2]"),
         ("index", "workers=[1,2]", "workers is [1, 2]: give a whole number"),
         ("index", "overlap={a: 1}", "overlap is {'a': 1}: give a number"),
-        ("index", "paths.indexes=[a,b]", "paths.indexes is ['a', 'b']: give text, or null"),
-        ("evaluate", "paths.run=[a,b]", "paths.run is ['a', 'b']: give text, or null"),
+        ("index", "paths.indexes=[a,b]", "paths.indexes is ['a', 'b']: give a path, or null"),
+        ("evaluate", "paths.run=[a,b]", "paths.run is ['a', 'b']: give a path, or null"),
         ("evaluate", "ks={a: 1}", "ks is {a: 1}: give a list in square brackets, [1,2]"),
         ("export", "size={a: 1}", "size is {'a': 1}: give a list in square brackets, [1,2]"),
     ],
