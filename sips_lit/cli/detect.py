@@ -41,6 +41,7 @@ class DetectOptions:
     first_octave: int | None
     corners: float | None
     fine_corners: float | None
+    whole_below: int | None
     scales: int | None
     subpixel: bool
     device: str
@@ -63,6 +64,7 @@ def detect(config: DictConfig) -> None:
         first_octave=options.first_octave,
         corners=options.corners,
         fine_corners=options.fine_corners,
+        whole_below=options.whole_below,
         scales=options.scales,
         runtime=options.runtime,
         precision=options.precision,

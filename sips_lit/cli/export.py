@@ -46,6 +46,7 @@ class ExportOptions:
     first_octave: int | None
     corners: float | None
     fine_corners: float | None
+    whole_below: int | None
     scales: int | None
     subpixel: bool
 
@@ -61,10 +62,16 @@ def export(config: DictConfig) -> None:
     require_finite(network, options.checkpoint)
     if options.format == "safetensors":
         make_folder(path.parent)
-        written = export_safetensors(network, selector, path)
+        written = export_safetensors(asked_detector(options).network, selector, path)
     else:
         require_packages(options.format)
         model = model_of(options, budget)
+        if options.size is None and network.detection.whole_below and model.network.detection.first_octave:
+            print(
+                "a model for any size scores half of every image; of those below "
+                f"{network.detection.whole_below:,} pixels the detector scores all: if yours are so small, give their size, "
+                "such as size=[320,240]"
+            )
         outputs = model.outputs
         make_folder(path.parent)
         written, difference = write_model(model, options.format, path, options.image_type, size_of(options))
@@ -93,8 +100,15 @@ def refuse_contradictions(options: ExportOptions) -> None:
     if options.size is not None and options.format == "safetensors":
         raise BadInputError(f"size={list(options.size)} needs a program, not weights alone: give format=onnx, say")
     given = [name for name in OF_POINTS if getattr(options, name) is not None]
+    if not options.subpixel:
+        given.append("subpixel")
     if given and not options.points:
         raise BadInputError(f"{', '.join(given)}: how points are chosen is a part of the model with points=true only")
+    if options.size is None and options.whole_below and options.format != "safetensors":
+        raise BadInputError(
+            f"whole_below is {options.whole_below}: a model for any size scores all images alike; give the size of yours, "
+            "such as size=[320,240]"
+        )
     if options.n is not None and options.k is not None:
         raise BadInputError(
             f"n is {options.n} and k is {options.k}: give n for a fixed number of points, or k for enough"
@@ -112,9 +126,10 @@ def budget_of(options: ExportOptions) -> Budget:
     return Budget(n, options.threshold, options.k, options.confidence, options.n_max)
 
 
-def model_of(options: ExportOptions, budget: Budget) -> Exportable:
-    """The module that becomes a file. Raises BadInputError as `SipsDetector.from_checkpoint` and `TopPoints`."""
-    detector = SipsDetector.from_checkpoint(
+def asked_detector(options: ExportOptions) -> SipsDetector:
+    """The detector that is exported. Raises BadInputError as `SipsDetector.from_checkpoint`."""
+    any_size = options.format != "safetensors" and options.size is None
+    return SipsDetector.from_checkpoint(
         options.checkpoint,
         subpixel=options.subpixel,
         nms_radius=options.nms_radius,
@@ -124,7 +139,13 @@ def model_of(options: ExportOptions, budget: Budget) -> Exportable:
         first_octave=options.first_octave,
         corners=options.corners,
         fine_corners=options.fine_corners,
+        whole_below=0 if any_size else options.whole_below,  # a program's operations do not depend on a free size
     )
+
+
+def model_of(options: ExportOptions, budget: Budget) -> Exportable:
+    """The module that becomes a file. Raises BadInputError as `asked_detector` and `TopPoints`."""
+    detector = asked_detector(options)
     if options.points:
         return TopPoints(detector.network, detector.selector, budget)
     return DenseMap(detector.network, detector.selector)

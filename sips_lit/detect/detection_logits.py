@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from torch import Tensor
@@ -14,6 +14,7 @@ from sips_lit.detect.octaves import mean_over_octaves
 # a damaged checkpoint may ask for any number
 MOST_OCTAVES: Final = 8
 MOST_OF_CORNERS: Final = 10
+MOST_PIXELS: Final = 2**40
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +26,9 @@ class Detection:
     ``fine_corners`` close around it, which says where a point is that was found in half of the image (see
     `sips_lit.detect.corners`).
 
+    ``whole_below``: an image of fewer pixels (H x W) is scored from itself on (see `of`): half of it is too little to see,
+    and all of it is soon scored. 0: none is (our choice).
+
     Raises ValueError for numbers out of range.
     """
 
@@ -32,6 +36,7 @@ class Detection:
     first_octave: int = 0
     corners: float = 0.0
     fine_corners: float = 0.0
+    whole_below: int = 0
 
     def __post_init__(self) -> None:
         if self.octaves not in range(1, MOST_OCTAVES + 1):
@@ -41,10 +46,24 @@ class Detection:
         for name, weight in (("corners", self.corners), ("fine_corners", self.fine_corners)):
             if not 0 <= weight <= MOST_OF_CORNERS:
                 raise ValueError(f"{name} weigh 0 to {MOST_OF_CORNERS}, not {weight}")
+        if self.whole_below not in range(MOST_PIXELS + 1):
+            raise ValueError(f"whole_below is 0 to {MOST_PIXELS} pixels, not {self.whole_below}")
+
+    def of(self, height: int, width: int) -> Detection:
+        """How points of an image of that size are detected.
+
+        A small one is scored from itself down to the octave that is the last of larger ones. It then says by itself where a
+        point is, without corners close around it.
+        """
+        if self.first_octave == 0 or self.whole_below == 0 or height * width >= self.whole_below:
+            return self
+        octaves = min(self.first_octave + self.octaves, MOST_OCTAVES)
+        return replace(self, octaves=octaves, first_octave=0, fine_corners=0.0)
 
 
 def detection_logits(logits_of: Callable[[Tensor], Tensor], image: Tensor, by: Detection) -> Tensor:
     """Logits (B, 1, H, W) of images (B, 1, H, W): the mean over octaves, and what ``by`` adds for corners."""
+    by = by.of(image.shape[-2], image.shape[-1])
     logits = mean_over_octaves(logits_of, image, by.octaves, by.first_octave)
     if by.corners or by.fine_corners:
         logits = logits + corner_strength(image, by.corners, by.fine_corners)

@@ -76,6 +76,7 @@ class SipsDetector(BaseDetector):
         corners: float | None = None,
         first_octave: int | None = None,
         fine_corners: float | None = None,
+        whole_below: int | None = None,
     ) -> SipsDetector:
         """The detector of a ``.ckpt`` or ``.safetensors`` file, or of released weights by name.
 
@@ -84,7 +85,8 @@ class SipsDetector(BaseDetector):
         levels of the image pyramid, for cameras that come nearer and turn, which a network trained on one level takes, too;
         ``octaves``: how many are scored together, ``first_octave``: 0 from the image on, 1 from half of it on, which takes a
         quarter of the time; ``corners``: weight of how much of a corner there is around a point (`sips_lit.detect.corners`),
-        ``fine_corners``: of the same close around it, which says where a point of half the image is; 0: without.
+        ``fine_corners``: of the same close around it, which says where a point of half the image is; 0: without;
+        ``whole_below``: images of fewer pixels are scored from the image itself on, whatever ``first_octave`` is.
         None: those of the file. ``runtime``: what executes the network, torch, onnxruntime, openvino or auto (the fastest
         that is installed for each image size, so last digits may differ from run to run); ``precision``: 32 or bf16.
 
@@ -94,7 +96,12 @@ class SipsDetector(BaseDetector):
         network, selector = load_checkpoint(path)
         try:
             network = network.detecting_by(
-                scales=scales, octaves=octaves, first_octave=first_octave, corners=corners, fine_corners=fine_corners
+                scales=scales,
+                octaves=octaves,
+                first_octave=first_octave,
+                corners=corners,
+                fine_corners=fine_corners,
+                whole_below=whole_below,
             )
             radius = selector.nms_radius if nms_radius is None else nms_radius
             margin = selector.border if border is None else border

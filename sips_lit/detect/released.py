@@ -12,7 +12,7 @@ WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the files, each with its model card."""
 SHA256: Final = {
     "sips-small": "f9ca6b3254e85db09e406ea17d4773d488cba305c06217e73514aca4dad3f927",
-    "sips-tiny": "856a22d67ee1ef7374fa91b3025507570500e7ed7d71b1b8bdf40d04b26de2cf",
+    "sips-tiny": "b9e4e222ce548d8f7c8252ca547983a87896bed1527d1db14bcc32cd3fafb3cb",
 }
 """Names, with the hash of ``<name>.safetensors``."""
 DEFAULT: Final = "sips-small"

@@ -24,8 +24,14 @@ IMAGE_TYPES: Final = {"float32": torch.float32, "uint8": torch.uint8}
 
 
 def program_of(model: Exportable, image_type: str = "float32", size: Size | None = None) -> ExportedProgram:
-    """The operations of a model on an ``image`` (B, 1, H, W) whose B, H and W are free, or (1, 1, H, W) of one ``size``."""
+    """The operations of a model on an ``image`` (B, 1, H, W) whose B, H and W are free, or (1, 1, H, W) of one ``size``.
+
+    Operations do not depend on a free size: raises ValueError for a network that scores small images otherwise
+    (``whole_below``) without a ``size``.
+    """
     if size is None:
+        if model.network.detection.whole_below:
+            raise ValueError("a model for any size scores all alike: give a network with whole_below=0, or a size")
         side = 4 * model.network.radius
         shape = 2, 1, side, side + 2  # a size of 1 would be taken for a constant
         free: dict[int, Dim] | None = {0: Dim("batch"), 2: Dim("height"), 3: Dim("width")}

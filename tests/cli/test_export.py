@@ -131,6 +131,52 @@ def test_a_model_for_one_size(command, mine, made):
     assert made[0][4] == (48, 64)
 
 
+@pytest.fixture
+def halving(mine) -> Path:
+    """One whose network scores half of an image, and all of a small one."""
+    network, selector = load_checkpoint(mine)
+    export_safetensors(network.detecting_by(first_octave=1, whole_below=4000), selector, mine)
+    return mine
+
+
+def test_a_model_for_any_size_scores_half_of_small_images_too_and_says_so(command, halving, made):
+    result = command("export", f"checkpoint={halving}", "format=onnx")
+    assert result.code == 0, result.err
+    assert "of those below 4,000 pixels the detector scores all" in result.out
+    assert made[0][0].network.detection.whole_below == 0
+
+
+@pytest.mark.parametrize("arguments", [["size=[64,48]"], ["first_octave=0"], ["whole_below=0"]])
+def test_nothing_is_said_where_both_score_small_images_alike(command, halving, made, arguments):
+    result = command("export", f"checkpoint={halving}", "format=onnx", *arguments)
+    assert result.code == 0, result.err
+    assert "the detector scores all" not in result.out
+
+
+@pytest.mark.skipif(not EXTRA, reason="needs the extra export")
+@pytest.mark.parametrize(("whole_below", "octaves"), [(64 * 48, 1), (64 * 48 + 1, 2)])
+def test_a_model_for_one_size_scores_what_the_detector_does(command, mine, tmp_path, whole_below, octaves):
+    import onnxruntime
+
+    output = tmp_path / "a.onnx"
+    arguments = ["format=onnx", "size=[64,48]", f"output={output}", "first_octave=1", f"whole_below={whole_below}"]
+    assert command("export", f"checkpoint={mine}", *arguments).code == 0
+    image = np.random.default_rng(0).integers(0, 255, (48, 64), np.uint8)
+    (found,) = onnxruntime.InferenceSession(output).run(None, {"image": image[None, None].astype(np.float32)})
+    expected = SipsDetector.from_checkpoint(mine, octaves=octaves, first_octave=2 - octaves).score_map(image)
+    np.testing.assert_allclose(found[0, 0], expected, atol=1e-5)
+
+
+def test_weights_that_detect_as_they_are_told(command, mine, tmp_path):
+    told = {"octaves": 3, "first_octave": 1, "corners": 0.5, "fine_corners": 0.25, "whole_below": 4000}
+    output = tmp_path / "told.safetensors"
+    result = command("export", f"checkpoint={mine}", f"output={output}", *(f"{name}={n}" for name, n in told.items()))
+    assert result.code == 0, result.err
+    network, selector = load_checkpoint(output)
+    assert {name: network.config[name] for name in told} == told
+    assert selector == load_checkpoint(mine)[1]
+
+
 def test_points_of_one_of_several_scales(command, made, tmp_path):
     export_safetensors(ScoreNetwork(3, 4, scales=3), PointSelector(), tmp_path / "several.safetensors")
     arguments = [f"checkpoint={tmp_path}/several.safetensors", "format=onnx", "points=true"]
@@ -147,6 +193,15 @@ def test_points_of_one_of_several_scales(command, made, tmp_path):
             "points=true needs a program, not weights alone: give format=onnx or openvino or torch_export",
         ),
         (["format=onnx", "n=5", "k=3"], "n, k: how points are chosen is a part of the model with points=true only"),
+        (
+            ["format=onnx", "subpixel=false"],
+            "subpixel: how points are chosen is a part of the model with points=true only",
+        ),
+        (
+            ["format=onnx", "whole_below=9"],
+            "whole_below is 9: a model for any size scores all images alike; give the size",
+        ),
+        (["first_octave=9"], "the first octave is 0"),
         (["format=onnx", "points=true", "n=5", "k=3"], "n is 5 and k is 3: give n for a fixed number of points, or k"),
         (["format=onnx", "points=true", "k=300"], "k is 300 and n_max is 200: n_max points can't hold k inliers"),
         (["format=onnx", "points=true", "k=3", "confidence=1"], "confidence is 1: it is a probability"),

@@ -24,6 +24,29 @@ def test_by_default_it_is_what_a_network_learns():
     torch.testing.assert_close(detection_logits(lambda x: x / 100, image, Detection()), image / 100, rtol=0, atol=0)
 
 
+HALF = Detection(2, 1, 0.25, 0.5, whole_below=30 * 34)
+
+
+@pytest.mark.parametrize("size", [(30, 33), (29, 34), (1, 1)])
+def test_a_small_image_is_scored_whole_down_to_the_same_octave(size):
+    image = image_tensor(texture(*size, 3))
+    expected = detection_logits(lambda x: x / 100, image, Detection(3, 0, 0.25))
+    torch.testing.assert_close(detection_logits(lambda x: x / 100, image, HALF), expected, rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("size", [(30, 34), (34, 30), (2, 510), (40, 40)])
+def test_others_are_not(size):
+    image = image_tensor(texture(*size, 3))
+    expected = detection_logits(lambda x: x / 100, image, Detection(2, 1, 0.25, 0.5))
+    torch.testing.assert_close(detection_logits(lambda x: x / 100, image, HALF), expected, rtol=0, atol=0)
+
+
+def test_what_begins_with_the_image_does_so_whatever_its_size():
+    whole = Detection(2, 0, 0.25, 0.5, whole_below=10_000)
+    assert whole.of(10, 10) == whole
+    assert Detection(8, 7, whole_below=200).of(10, 10).octaves == 8  # the most that there are
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -35,6 +58,8 @@ def test_by_default_it_is_what_a_network_learns():
         ({"corners": -0.1}, "corners weigh 0 to 10, not -0.1"),
         ({"fine_corners": 10.5}, "fine_corners weigh 0 to 10, not 10.5"),
         ({"fine_corners": float("nan")}, "not nan"),
+        ({"whole_below": -1}, "whole_below is 0 to 1099511627776 pixels, not -1"),
+        ({"whole_below": 0.5}, "not 0.5"),
     ],
 )
 def test_numbers_out_of_range_are_refused(options, told):

@@ -29,6 +29,7 @@ def _nothing_measured(monkeypatch):
     [
         {"width": 8, "derivatives": True, "octaves": 2, "corners": 0.5},
         {"width": 8, "derivatives": True, "first_octave": 1, "corners": 0.5, "fine_corners": 0.25},
+        {"width": 8, "first_octave": 1, "fine_corners": 0.25, "whole_below": 1000},
         {"width": 10},
     ],
 )

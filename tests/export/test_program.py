@@ -9,7 +9,10 @@ from exported_models import BUDGETS, SIZES, exported, model_of, textured
 
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import config_json
-from sips_lit.export.program import metadata_of
+from sips_lit.detect.score_network import ScoreNetwork
+from sips_lit.detect.selection import PointSelector
+from sips_lit.export.dense_map import DenseMap
+from sips_lit.export.program import metadata_of, program_of
 
 
 @pytest.mark.parametrize("name", ["map", "enough"])
@@ -34,3 +37,9 @@ def test_nothing_of_this_machine_is_in_the_file():
     content = exported("enough", "torch_export")[0][".pt2"]
     for trace in (b".py", b"sips_lit/", str(Path(__file__).parents[2]).encode()):
         assert trace not in content
+
+
+def test_operations_do_not_depend_on_a_free_size():
+    network = ScoreNetwork(3, 4, first_octave=1, whole_below=500)
+    with pytest.raises(ValueError, match="a model for any size scores all alike: give a network with whole_below=0"):
+        program_of(DenseMap(network, PointSelector()))
