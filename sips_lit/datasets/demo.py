@@ -35,6 +35,8 @@ STILLS = {
     "moon": "moon.png",
     "rocket": "rocket.jpg",
 }
+FRAMING_STEP = 20
+"""Pixels from one framing of `motorcycle` to the next."""
 
 
 def demo_video_path() -> Path:
@@ -124,14 +126,33 @@ def demo_photograph() -> Path:
     return _skimage_data() / "motorcycle_left.png"
 
 
-def motorcycle() -> list[ImageSequence]:
-    """The stereo pair ``motorcycle`` with its dense disparity as truth, 741 x 497 or so."""
+def motorcycle(framings: int = 1) -> list[ImageSequence]:
+    """The stereo pair ``motorcycle`` with its dense disparity as truth, 741 x 497 or so, in a number of framings a side.
+
+    With ``framings`` above 1 each of framings x framings pairs is cut out of both images at the same place, `FRAMING_STEP`
+    pixels from the next: what a detector needs on one picture hangs on where that picture happens to end (our choice).
+    Raises BadInputError for fewer than one, and for so many that little of the images is left.
+    """
     folder = _skimage_data()
     left, right = read_grey(folder / "motorcycle_left.png"), read_grey(folder / "motorcycle_right.png")
     with np.load(folder / "motorcycle_disp.npz") as stored:
         disparity = np.asarray(stored["arr_0"], np.float64)
     disparity[~np.isfinite(disparity)] = np.nan
-    return [StereoPair("motorcycle", left, right, disparity)]
+    cut = FRAMING_STEP * (framings - 1)
+    if framings < 1 or 2 * cut > min(left.shape):
+        raise BadInputError(
+            f"framings is {framings}: give 1 for the whole stereo pair, or a few more a side, up to "
+            f"{1 + min(left.shape) // (2 * FRAMING_STEP)}"
+        )
+    height, width = left.shape[0] - cut, left.shape[1] - cut
+    pairs: list[ImageSequence] = []
+    for y in range(0, cut + 1, FRAMING_STEP):
+        for x in range(0, cut + 1, FRAMING_STEP):
+            place = np.s_[y : y + height, x : x + width]
+            name = f"motorcycle_{x}_{y}" if framings > 1 else "motorcycle"
+            images = np.ascontiguousarray(left[place]), np.ascontiguousarray(right[place])
+            pairs.append(StereoPair(name, *images, disparity[place]))
+    return pairs
 
 
 def _skimage_data() -> Path:

@@ -11,6 +11,7 @@ from video_files import decoded
 
 from sips_lit.datasets import demo
 from sips_lit.datasets.demo import (
+    FRAMING_STEP,
     STILLS,
     StereoPair,
     demo_flights,
@@ -166,3 +167,28 @@ def test_motorcycle():
     assert matched < 15
     for wrong in (left[:, 0] + disparity, left[:, 0], right[:, 0] + 4, right[:, 0] - 4):
         assert difference(wrong) > 2 * matched
+
+
+@needs_skimage
+def test_framings_of_motorcycle_are_cut_from_the_same_place_of_everything():
+    (whole,) = motorcycle()
+    framed = motorcycle(3)
+    assert len({pair.name for pair in framed}) == len({pair.fingerprint for pair in framed}) == 9
+    height, width = (side - 2 * FRAMING_STEP for side in whole.frame(0).shape)
+    places = [(x, y) for y in (0, 20, 40) for x in (0, 20, 40)]
+    for pair, (x, y) in zip(framed, places, strict=True):
+        for index in (0, 1):
+            np.testing.assert_array_equal(pair.frame(index), whole.frame(index)[y : y + height, x : x + width])
+        left, right, _ = landing(pair)
+        seen, seen_right, _ = landing(whole)
+        expected = dict(zip(map(tuple, seen), seen_right, strict=True))
+        some = slice(None, None, 997)
+        np.testing.assert_allclose(right[some], [expected[a + x, b + y] - (x, y) for a, b in left[some]], atol=1e-6)
+        assert pair.camera(0).size == (width, height)
+
+
+@needs_skimage
+@pytest.mark.parametrize("framings", [0, -1, 14])
+def test_framings_that_leave_nothing(framings):
+    with pytest.raises(BadInputError, match=f"framings is {framings}: give 1 for the whole stereo pair, .* up to 13"):
+        motorcycle(framings)
