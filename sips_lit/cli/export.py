@@ -66,10 +66,11 @@ def export(config: DictConfig) -> None:
     else:
         require_packages(options.format)
         model = model_of(options, budget)
-        if options.size is None and network.detection.whole_below and model.network.detection.first_octave:
+        whole = network.detection.whole_below if options.whole_below is None else 0
+        if options.size is None and whole and model.network.detection.first_octave:
             print(
                 "a model for any size scores half of every image; of those below "
-                f"{network.detection.whole_below:,} pixels the detector scores all: if yours are so small, give their size, "
+                f"{whole:,} pixels the detector scores all: if yours are so small, give their size, "
                 "such as size=[320,240]"
             )
         outputs = model.outputs

@@ -14,7 +14,6 @@ from sips_lit.detect.octaves import mean_over_octaves
 # a damaged checkpoint may ask for any number
 MOST_OCTAVES: Final = 8
 MOST_OF_CORNERS: Final = 10
-MOST_PIXELS: Final = 2**40
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +45,8 @@ class Detection:
         for name, weight in (("corners", self.corners), ("fine_corners", self.fine_corners)):
             if not 0 <= weight <= MOST_OF_CORNERS:
                 raise ValueError(f"{name} weigh 0 to {MOST_OF_CORNERS}, not {weight}")
-        if self.whole_below not in range(MOST_PIXELS + 1):
-            raise ValueError(f"whole_below is 0 to {MOST_PIXELS} pixels, not {self.whole_below}")
+        if not isinstance(self.whole_below, int) or self.whole_below < 0:
+            raise ValueError(f"whole_below is a number of pixels, 0 or more, not {self.whole_below}")
 
     def of(self, height: int, width: int) -> Detection:
         """How points of an image of that size are detected.

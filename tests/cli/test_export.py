@@ -229,8 +229,8 @@ def test_values_that_are_refused(command, mine, arguments, reason):
 def test_released_weights_are_exported_here_by_default(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert command("export").code == 0
-    weights = load_checkpoint(tmp_path / "sips-small.safetensors")[0].state_dict()
-    for name, tensor in load_checkpoint("sips-small")[0].state_dict().items():
+    weights = load_checkpoint(tmp_path / "sips-tiny.safetensors")[0].state_dict()
+    for name, tensor in load_checkpoint("sips-tiny")[0].state_dict().items():
         assert torch.equal(weights[name], tensor)
 
 

@@ -22,7 +22,7 @@ finally:
     ("arguments", "shown", "unloaded"),
     [
         (["--help"], "sips-detect input=", {"torch", "cv2", "numpy", "hydra", "omegaconf"}),
-        (["--cfg", "job"], "checkpoint: sips-small", {"torch", "cv2"}),
+        (["--cfg", "job"], "checkpoint: sips-tiny", {"torch", "cv2"}),
         (["--hydra-help"], "Hydra", {"torch", "cv2"}),
     ],
 )

@@ -58,7 +58,7 @@ def test_what_begins_with_the_image_does_so_whatever_its_size():
         ({"corners": -0.1}, "corners weigh 0 to 10, not -0.1"),
         ({"fine_corners": 10.5}, "fine_corners weigh 0 to 10, not 10.5"),
         ({"fine_corners": float("nan")}, "not nan"),
-        ({"whole_below": -1}, "whole_below is 0 to 1099511627776 pixels, not -1"),
+        ({"whole_below": -1}, "whole_below is a number of pixels, 0 or more, not -1"),
         ({"whole_below": 0.5}, "not 0.5"),
     ],
 )

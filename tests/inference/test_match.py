@@ -79,7 +79,7 @@ def test_the_same_input_gives_the_same_result(tmp_path):
     same(match(IMAGE, WARPED, n=100), expected)
     same(match(PIL.Image.fromarray(IMAGE), torch.from_numpy(WARPED), n=100), expected)
     same(match(str(files[0]), files[1], n=100, detector=SipsDetector.from_pretrained()), expected)
-    same(match(str(files[0]), files[1], n=100, detector="sips-small"), expected)
+    same(match(str(files[0]), files[1], n=100, detector="sips-tiny"), expected)
 
 
 def test_a_checkpoint_and_a_descriptor_of_ones_own(tmp_path):
