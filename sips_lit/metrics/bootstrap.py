@@ -8,7 +8,9 @@ Pairs of one sequence look alike, and more of them tell less than their number s
 sequences are drawn, each with all its pairs (the cluster bootstrap: Davison and Hinkley, Bootstrap Methods and their
 Application, 1997, section 3.8): the interval then speaks of other sequences of the kind. With fewer of them their
 differences can't be seen, and pairs are drawn within each sequence: the interval then speaks of other pairs of these very
-sequences, and is too narrow for others. The limit is our choice.
+sequences, and is too narrow for others. The limit is our choice. A sequence with a single pair has no others to draw: those
+that have but one are drawn together, as if they were one sequence (collapsed strata: Cochran, Sampling Techniques, 1977,
+section 5A.12); else their numbers would look exact.
 """
 
 from __future__ import annotations
@@ -37,15 +39,17 @@ def draw_pairs(groups: Sequence[str], resamples: int, seed: int) -> IntArray:
     """How often each of P pairs is in each of B draws, (B, P), given the group (sequence) of each pair.
 
     Where `draws_groups`, as many groups as there are, and the size of a draw varies with theirs; else as many pairs of each
-    group as it has. The same arguments give the same draws.
+    group as it has, and as many groups of one pair as there are. The same arguments give the same draws.
     """
     generator = np.random.default_rng(seed)
     names, of_pair = np.unique(np.asarray(groups, str), return_inverse=True)
     if draws_groups(groups):
         even = np.full(len(names), 1 / len(names))
         return generator.multinomial(len(names), even, resamples)[:, of_pair]
+    alone = np.bincount(of_pair)[of_pair] == 1
+    of_pair = np.where(alone, len(names), of_pair)
     drawn = np.zeros((resamples, len(of_pair)), np.int64)
-    for group in range(len(names)):
+    for group in np.unique(of_pair):
         (members,) = np.nonzero(of_pair == group)
         drawn[:, members] = generator.multinomial(len(members), np.full(len(members), 1 / len(members)), resamples)
     return drawn

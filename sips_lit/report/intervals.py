@@ -100,4 +100,5 @@ def _drawn(groups: Sequence[str]) -> str:
     count = len(set(groups))
     if count == 1:
         return "the pairs"
-    return f"the {count} sequences" if draws_groups(groups) else f"the pairs of each of the {count} sequences"
+    whole = draws_groups(groups) or count == len(groups)
+    return f"the {count} sequences" if whole else f"the pairs of each of the {count} sequences"

@@ -45,6 +45,18 @@ def test_few_sequences_keep_their_number_of_pairs():
         assert (part > 1).any()
 
 
+def test_sequences_of_a_single_pair_are_drawn_together():
+    """By themselves they would be in every draw once: intervals of nine such sequences had no width."""
+    drawn = draw_pairs(grouped([1] * 9), 2000, 0)
+    assert (drawn.sum(1) == 9).all()
+    assert drawn.var() == pytest.approx(1 - 1 / 9, rel=0.05)  # of a binomial of 9 trials
+    mixed = draw_pairs(grouped([1, 5, 1, 1]), 200, 0)
+    alone = mixed[:, [0, 6, 7]]
+    assert (alone.sum(1) == 3).all()
+    assert (alone > 1).any(0).all()
+    assert (mixed[:, 1:6].sum(1) == 5).all()
+
+
 def test_many_sequences_are_drawn_whole_wherever_their_pairs_stand():
     sizes = [1 + index % 4 for index in range(FEWEST_GROUPS)]
     groups = np.random.default_rng(0).permutation(grouped(sizes)).tolist()

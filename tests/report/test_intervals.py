@@ -11,10 +11,10 @@ from sips_lit.report.columns import auc_of, columns_of
 from sips_lit.report.intervals import Estimate, best_value, intervals
 
 
-def of_names(*names: str, sequences: int = 1) -> PairSetResult:
+def of_names(*names: str, sequences: int = 1, pairs: int = 24) -> PairSetResult:
     """Methods whose n_k are alike but for 1 point each after the first, on 24 pairs."""
-    table = pair_table(np.random.default_rng(0), 24)
-    table = replace(table, name=tuple(f"s{index % sequences}:{index}-{index + 1}" for index in range(24)))
+    table = pair_table(np.random.default_rng(0), pairs)
+    table = replace(table, name=tuple(f"s{index % sequences}:{index}-{index + 1}" for index in range(pairs)))
     first = detector_result(names[0], table, quality=0.6, repeats=2)
     methods = tuple(
         replace(first, name=name, key=name, n_k=first.n_k + rank, protocol=first.protocol | {"detector": name})
@@ -86,6 +86,12 @@ def test_a_control_is_compared_and_never_the_best():
 )
 def test_what_is_drawn(sequences, over):
     assert intervals(of_names("a", sequences=sequences), 10).over == over
+
+
+def test_intervals_of_few_sequences_with_a_pair_each_have_a_width():
+    found = intervals(of_names("a", sequences=6, pairs=6), 200)
+    assert found.over == "the 6 sequences"
+    assert found.of["a", "auc"].low < found.of["a", "auc"].high
 
 
 def test_nothing_to_draw():
