@@ -71,7 +71,7 @@ def main() -> None:
     warnings.filterwarnings("ignore", module="torch")
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
-    detector = SipsDetector.from_checkpoint(sys.argv[1] if len(sys.argv) > 1 else "sips-tiny")
+    detector = SipsDetector.from_checkpoint(sys.argv[1] if len(sys.argv) > 1 else "sips-tiny", whole_below=0)
     grey = textured()
     image = grey[None, None].astype(np.float32)
     budgets = {"50 points": Budget(), "k=10, confidence 0.9, n_max 200": Budget(k=10, confidence=0.9, n_max=200)}

@@ -69,9 +69,8 @@ def export(config: DictConfig) -> None:
         whole = network.detection.whole_below if options.whole_below is None else 0
         if options.size is None and whole and model.network.detection.first_octave:
             print(
-                "a model for any size scores half of every image; of those below "
-                f"{whole:,} pixels the detector scores all: if yours are so small, give their size, "
-                "such as size=[320,240]"
+                f"images of fewer than {whole:,} pixels are scored whole by the detector, and as large ones by a model for "
+                "any size: if yours are so small, give their size, such as size=[320,240]"
             )
         outputs = model.outputs
         make_folder(path.parent)
