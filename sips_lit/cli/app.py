@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -34,6 +34,9 @@ from sips_lit.cli.value_types import refuse_wrong_keys, refuse_wrong_types
 from sips_lit.errors import BadInputError
 
 Options = TypeVar("Options")
+
+KEPT_OR_NOT: Final = frozenset({"indexes", "frames"})
+"""Folders of ``paths`` that may be null where a command can do without: nothing is kept for the next time."""
 
 
 def run(
@@ -71,7 +74,7 @@ def run(
         with logged(log_file()), explained(config):
             refuse_unread(config, config_name)
             paths = config.get("paths", {})
-            refuse_wrong_keys(paths, dict.fromkeys(paths, Path | None))
+            refuse_wrong_keys(paths, {name: Path | None if name in KEPT_OR_NOT else Path for name in paths})
             result = task(config)
             if following is not None and log_file() is not None and HydraConfig.get().mode == RunMode.RUN:
                 print(told(following(config)))

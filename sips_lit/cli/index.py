@@ -31,6 +31,7 @@ def index(config: DictConfig) -> None:
     Raises BadInputError at the end when a recording failed.
     """
     refuse_wrong_keys(config, KEYS)
+    refuse_wrong_keys(config.paths, {"indexes": Path})
     folder, shard = Path(config.paths.indexes).resolve(), str(config.shard)
     mine = share(recordings(config.data), shard)
     footage = footage_of_all([recording.footage for recording in mine])
