@@ -65,13 +65,21 @@ def recordings(data: DictConfig) -> list[Recording]:
         taken = chosen(data.sources, data.get("only"), data.get("without") or ())
         return [part for source in taken.values() for part in recordings(source.sequences)]
     target = data.get("_target_")
-    if target and hasattr(get_object(target), "recordings"):
+    if target and lists_recordings(target):
         listed: list[Recording] = build(data, _target_=f"{target}.recordings")
         return listed
     sequences = [sequence for source in as_sources(build(data)) for sequence in source.sequences]
     path = data.get("path")
     place = f"{Path(path).absolute()}:" if isinstance(path, str) else ""
     return [Recording(f"{place}{sequence.name}", partial(list, [sequence])) for sequence in sequences]
+
+
+def lists_recordings(target: str) -> bool:
+    """Whether what is named has a function ``recordings``; not what can't be imported, which making it tells."""
+    try:
+        return hasattr(get_object(target), "recordings")
+    except (ImportError, ValueError):
+        return False
 
 
 def is_mixture(data: DictConfig) -> bool:

@@ -111,6 +111,12 @@ def test_a_number_is_taken_as_text_and_a_part_that_is_one_stays(override):
         ("index", "workers=[1,2]", "workers is [1, 2]: give a whole number"),
         ("index", "overlap={a: 1}", "overlap is {'a': 1}: give a number"),
         ("index", "paths.indexes=[a,b]", "paths.indexes is ['a', 'b']: give a path, or null"),
+        (
+            "index",
+            "data._target_=my_package.frames",
+            "data._target_ is my_package.frames, which can't be imported: No module named 'my_package'",
+        ),
+        ("index", "data._target_=text", "data._target_ is text, which can't be imported: No module named 'text'"),
         ("index", "paths.indexes=null", "paths.indexes is None: give a path"),
         ("evaluate", "paths.run=[a,b]", "paths.run is ['a', 'b']: give a path"),
         ("evaluate", "paths.run=null", "paths.run is None: give a path"),
