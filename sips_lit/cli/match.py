@@ -46,6 +46,8 @@ def match(config: DictConfig) -> None:
     kinds, camera = formats(options.format), cameras(options.camera)
     matcher = PairMatcher(build(config.detector), build(config.descriptor), options.n, options.threshold)
     given = [options.input] if isinstance(options.input, str) else options.input
+    if not isinstance(given, list) or not given:
+        raise BadInputError(f"input is {given}: give two images, [a.jpg,b.jpg], a folder of images, or a video")
     stream, folder = open_images([Path(str(path)) for path in given], options.names), Path(options.output)
     rows: list[list[Any]] = []
     writers: list[MatchWriter] = []

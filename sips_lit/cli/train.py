@@ -123,7 +123,7 @@ def make_callbacks(config: DictConfig) -> list[L.Callback]:
     Raises BadInputError for what is none.
     """
     for name, node in config.callbacks.items():
-        if not isinstance(node, DictConfig | None):
+        if node is not None and not (isinstance(node, DictConfig) and "_target_" in node):
             raise BadInputError(f"callbacks.{name!s} is {node}: give a configuration, with _target_, or null")
     callbacks = [callback for callback in build(config.callbacks).values() if callback is not None]
     silent = config.trainer.enable_progress_bar is False

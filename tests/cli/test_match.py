@@ -129,6 +129,8 @@ def test_few_matches_are_told(matched, tmp_path, folders):
         (["{a}", "{a}", "descriptor=own"], "does not describe them"),
         (["{a}", "{a}", "stride=x"], "stride has a value of the wrong type"),
         (["n=50"], "input is not set"),
+        (["input=null"], r"input is None: give two images, \[a.jpg,b.jpg\], a folder of images, or a video"),
+        (["input=[]"], r"input is \[\]: give two images"),
         (["{a}", "input={dir}"], "there are both .*000.png and input="),
     ],
 )

@@ -93,6 +93,11 @@ def test_a_number_is_taken_as_text_and_a_part_that_is_one_stays(override):
         ),
         ("train", "trainer.profiler=true", "trainer.profiler is True: give simple, advanced or pytorch, or null"),
         ("train", "callbacks.average=text", "callbacks.average is text: give a configuration, with _target_, or null"),
+        (
+            "train",
+            "callbacks.average={a: 1}",
+            "callbacks.average is {'a': 1}: give a configuration, with _target_, or null",
+        ),
         ("train", "callbacks.calibration.bins=0", "bins of the calibration is 0: give a whole number above 0"),
         (
             "train",
