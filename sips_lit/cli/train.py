@@ -49,8 +49,11 @@ def train(config: DictConfig) -> float:
         raise BadInputError(f"seed is {config.seed}: give a whole number from 0 to {LARGEST_SEED}")
     if not isinstance(config.compare, DictConfig | None):
         raise BadInputError(f"compare is {config.compare}: give keys of sips-benchmark, as experiment=quickstart does")
-    if isinstance(config.trainer.profiler, bool | int | float):
-        raise BadInputError(f"trainer.profiler is {config.trainer.profiler}: give simple, advanced or pytorch, or null")
+    profiler = config.trainer.profiler
+    if not (
+        profiler is None or isinstance(profiler, str) or (isinstance(profiler, DictConfig) and "_target_" in profiler)
+    ):
+        raise BadInputError(f"trainer.profiler is {profiler}: give simple, advanced or pytorch, or null")
     cv2.setNumThreads(1)  # the labelling threads share the cores with the network
     L.seed_everything(config.seed, workers=True, verbose=False)
     interval = pairs_between_validations(config.trainer)

@@ -92,6 +92,12 @@ def test_a_number_is_taken_as_text_and_a_part_that_is_one_stays(override):
             "datamodule.data._target_ is my_package.frames, which can't be imported: No module named 'my_package'",
         ),
         ("train", "trainer.profiler=true", "trainer.profiler is True: give simple, advanced or pytorch, or null"),
+        (
+            "train",
+            "trainer.profiler=[a,b]",
+            "trainer.profiler is ['a', 'b']: give simple, advanced or pytorch, or null",
+        ),
+        ("train", "trainer.profiler={a: 1}", "trainer.profiler is {'a': 1}: give simple, advanced or pytorch, or null"),
         ("train", "callbacks.average=text", "callbacks.average is text: give a configuration, with _target_, or null"),
         (
             "train",
