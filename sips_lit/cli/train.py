@@ -50,9 +50,7 @@ def train(config: DictConfig) -> float:
     if not isinstance(config.compare, DictConfig | None):
         raise BadInputError(f"compare is {config.compare}: give keys of sips-benchmark, as experiment=quickstart does")
     profiler = config.trainer.profiler
-    if not (
-        profiler is None or isinstance(profiler, str) or (isinstance(profiler, DictConfig) and "_target_" in profiler)
-    ):
+    if not (isinstance(profiler, str) or is_part(profiler)):
         raise BadInputError(f"trainer.profiler is {profiler}: give simple, advanced or pytorch, or null")
     cv2.setNumThreads(1)  # the labelling threads share the cores with the network
     L.seed_everything(config.seed, workers=True, verbose=False)
@@ -120,13 +118,18 @@ def _in_multirun() -> bool:
     return HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN
 
 
+def is_part(node: Any) -> bool:
+    """Whether it is a configuration of something that can be made, or null."""
+    return node is None or (isinstance(node, DictConfig) and "_target_" in node)
+
+
 def make_callbacks(config: DictConfig) -> list[L.Callback]:
     """The callbacks; no progress with ``trainer.enable_progress_bar=false``, where Lightning refuses one.
 
     Raises BadInputError for what is none.
     """
     for name, node in config.callbacks.items():
-        if node is not None and not (isinstance(node, DictConfig) and "_target_" in node):
+        if not is_part(node):
             raise BadInputError(f"callbacks.{name!s} is {node}: give a configuration, with _target_, or null")
     callbacks = [callback for callback in build(config.callbacks).values() if callback is not None]
     silent = config.trainer.enable_progress_bar is False
