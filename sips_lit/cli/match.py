@@ -34,7 +34,7 @@ class MatchOptions:
     names: str | None
     stride: int
     n: int
-    threshold: float
+    threshold: float | None
     camera: Any
     output: str
     format: Any

@@ -14,7 +14,7 @@ from sips_lit.detect.detector import SipsDetector, as_grey
 from sips_lit.detect.released import DEFAULT
 from sips_lit.errors import BadInputError
 from sips_lit.evaluate.features import extract
-from sips_lit.geometry.two_view import fit_homography, fit_relative_pose
+from sips_lit.geometry.two_view import HOMOGRAPHY_THRESHOLD, POSE_THRESHOLD, fit_homography, fit_relative_pose
 from sips_lit.inference.intrinsics import Intrinsics, both_cameras
 from sips_lit.inference.matched_pair import MatchedPair
 from sips_lit.matching.confidence import distinctness, shared_probability
@@ -30,7 +30,7 @@ def match(
     descriptor: Descriptor | None = None,
     camera: Intrinsics | Sequence[Intrinsics] | None = None,
     color: ColorOrder = "rgb",
-    threshold: float = 3.0,
+    threshold: float | None = None,
 ) -> MatchedPair:
     """Matches two images by mutual nearest neighbours, and fits a homography or, with a ``camera``, a relative pose.
 
@@ -42,7 +42,8 @@ def match(
     tensors ("bgr" for what `cv2.imread` gives), as for `SipsDetector`. ``n``: points per image, at most. ``detector``: a
     checkpoint, the name of released weights, or any detector. ``descriptor``: by default the detector's own, or `RootSift`
     where it has none. ``camera``: a `Camera` or its matrix (3, 3) in pixels, of both images, or a list of two; without lens
-    distortion. ``threshold``: pixels within which inliers agree with the model. The same input gives the same result.
+    distortion. ``threshold``: pixels within which inliers agree with the model, by default 3
+    (homography) or 1 (pose). The same input gives the same result.
 
     Raises BadInputError for images and numbers that are none of these, and for cameras that can't be those of the images.
     """
@@ -71,12 +72,12 @@ class PairMatcher:
     detector: Detector
     descriptor: Descriptor | None = field(default_factory=RootSift)
     n: int = 500
-    threshold: float = 3.0
+    threshold: float | None = None
 
     def __post_init__(self) -> None:
         if self.n < 0:
             raise BadInputError(f"n is {self.n}: ask for a number of points that is not negative")
-        if not (self.threshold > 0 and np.isfinite(self.threshold)):
+        if self.threshold is not None and not (self.threshold > 0 and np.isfinite(self.threshold)):
             raise BadInputError(f"threshold is {self.threshold}: give pixels, more than 0")
 
     def view(self, image: GreyImage) -> View:
@@ -95,10 +96,10 @@ class PairMatcher:
         confidence = shared_probability(kept[0].score, kept[1].score) if probable else distinctness(apart, matches)
         H, T_1_0 = None, None
         if cameras is None:
-            plane = fit_homography(kept[0].xy, kept[1].xy, self.threshold)
+            plane = fit_homography(kept[0].xy, kept[1].xy, self.threshold or HOMOGRAPHY_THRESHOLD)
             H, inlier = plane.H, plane.inlier
         else:
-            motion = fit_relative_pose(kept[0].xy, kept[1].xy, *cameras, self.threshold)
+            motion = fit_relative_pose(kept[0].xy, kept[1].xy, *cameras, self.threshold or POSE_THRESHOLD)
             T_1_0, inlier = motion.T_1_0, motion.inlier
         sides = view0.image, view1.image, *points
         return MatchedPair(*sides, matches, confidence, inlier, cameras is not None, H, T_1_0)

@@ -82,6 +82,15 @@ def test_the_same_input_gives_the_same_result(tmp_path):
     same(match(str(files[0]), files[1], n=100, detector="sips-tiny"), expected)
 
 
+def test_a_pose_is_stricter_than_a_homography():
+    scene = StereoScene(4)
+    images, one, three = (scene.frame(0), scene.frame(3)), {"threshold": 1.0}, {"threshold": 3.0}
+    same(match(*images, camera=CAMERA), match(*images, camera=CAMERA, **one))
+    same(match(*images), match(*images, **three))
+    assert not np.array_equal(match(*images, **one).inlier, match(*images, **three).inlier)
+    assert not np.array_equal(match(*images, camera=CAMERA).inlier, match(*images, camera=CAMERA, **three).inlier)
+
+
 def test_a_checkpoint_and_a_descriptor_of_ones_own(tmp_path):
     detector = tiny_detector()
     export_safetensors(detector.network, detector.selector, tmp_path / "tiny.safetensors")
