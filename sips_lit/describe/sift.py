@@ -46,8 +46,8 @@ class SiftDescriptor:
         margin = math.ceil(2.5 * cell) + 2 + _BLUR_REACH  # 2: gradient and rounding to whole pixels
         for level in scale_levels(image, keypoints, self.shrink, margin):
             points = [
-                cv2.KeyPoint(float(x), float(y), float(diameter * residue), angle=0)
-                for (x, y), residue in zip(level.xy, level.residue, strict=True)
+                cv2.KeyPoint(x, y, width, angle=0)
+                for (x, y), width in zip(level.xy.tolist(), (diameter * level.residue).tolist(), strict=True)
             ]
             # A new object each time costs under a microsecond, and none is shared between threads.
             descriptors[level.rows] = cv2.SIFT.create().compute(level.image, points)[1]

@@ -18,6 +18,12 @@ SMALL_MOTION: Final = 8.0
 """Pixels a frame: faster points are searched through the pyramid, where a guess would find more than it does."""
 
 
+STEADY: Final = 1.0
+"""Pixels a frame by which the move of a steady point may differ from its move before."""
+MOST: Final = 0.5
+"""Share of the points that have to be steady for all to be searched where they would be: below it, that costs more."""
+
+
 @dataclass(frozen=True, slots=True)
 class Tracks:
     """``ends`` (N, 2) in the last frame, NaN where lost; ``survived`` (N,) bool; ``moves`` (F - 1, N, 2) of each step."""
@@ -32,14 +38,23 @@ def follow(tracker: KltTracker, frames: Sequence[GreyImage], xy: NDArray[np.floa
 
     As `KltTracker.track`, but the way back of each step is searched around its start, in the full image alone: a quarter of
     the cost. It notices points that are hidden or drift, not one that another point resembles so much that either could be
-    meant.
+    meant. Where most points moved steadily in the step before, so is the way forth, around where it would lead (our choice).
     """
     alive, places = np.arange(len(xy)), np.ascontiguousarray(xy, np.float32)
     moves = np.full((len(frames) - 1, len(xy), 2), np.nan, np.float32)
+    before, steady = (
+        np.full((len(xy), 2), np.nan, np.float32),
+        False,
+    )  # the moves of the step before; whether most are such again
     for move, (image0, image1) in zip(moves, itertools.pairwise(frames), strict=True):
-        reached, held = _step(tracker, image0, image1, places)
+        if steady:
+            reached, held = _going_on(tracker, image0, image1, places, places + before[alive])
+        else:
+            reached, held = _step(tracker, image0, image1, places)
         move[alive[held]] = (reached - places)[held]
         alive, places = alive[held], reached[held]
+        steady = bool(np.count_nonzero(_within(move[alive], before[alive], STEADY)) >= MOST * len(alive))
+        before = move
     return Tracks(*_of_all(len(xy), alive, places), moves)
 
 
@@ -56,14 +71,41 @@ def retrace(
     alive, places = np.arange(len(xy)), np.ascontiguousarray(xy, np.float32)
     for (image0, image1), move in zip(itertools.pairwise(frames), moves, strict=True):
         undone = places - move[alive]
-        slow = np.flatnonzero((move[alive] ** 2).sum(1) <= SMALL_MOTION**2)
+        slow = np.flatnonzero(_within(undone, places, SMALL_MOTION))
         reached, held = places.copy(), np.zeros(len(places), np.bool_)
         reached[slow], found = _flow(tracker, image0, image1, places[slow], undone[slow])
-        held[slow] = found & _near(tracker, reached[slow], undone[slow]) & _inside(tracker, image1, reached[slow])
+        held[slow] = (
+            found
+            & _within(reached[slow], undone[slow], tracker.max_roundtrip)
+            & _inside(tracker, image1, reached[slow])
+        )
         again = np.flatnonzero(~held)
         reached[again], held[again] = _step(tracker, image0, image1, places[again])
         alive, places = alive[held], reached[held]
     return _of_all(len(xy), alive, places)
+
+
+def _going_on(
+    tracker: KltTracker,
+    image0: GreyImage,
+    image1: GreyImage,
+    xy: NDArray[np.float32],
+    expected: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """A step of N points (N, 2), as `_step`, of which most are near others (N, 2) in image 1.
+
+    They are searched there in the full image, and hold if they are found within `STEADY` pixels of it and the way back leads
+    to their start. Others, and those expected to move by more than `SMALL_MOTION` pixels, are searched through the pyramid.
+    """
+    slow = np.flatnonzero(_within(expected, xy, SMALL_MOTION))
+    reached, held = xy.copy(), np.zeros(len(xy), np.bool_)
+    reached[slow], found = _flow(tracker, image0, image1, xy[slow], expected[slow])
+    near = slow[found & _within(reached[slow], expected[slow], STEADY) & _inside(tracker, image1, reached[slow])]
+    back, found = _flow(tracker, image1, image0, reached[near], xy[near])
+    held[near] = found & _within(back, xy[near], tracker.max_roundtrip)
+    again = np.flatnonzero(~held)
+    reached[again], held[again] = _step(tracker, image0, image1, xy[again])
+    return reached, held
 
 
 def _step(
@@ -72,7 +114,7 @@ def _step(
     reached, found = _flow(tracker, image0, image1, xy)
     held = found & _inside(tracker, image1, reached)
     back, found = _flow(tracker, image1, image0, reached[held], xy[held])
-    held[held] = found & _near(tracker, back, xy[held])
+    held[held] = found & _within(back, xy[held], tracker.max_roundtrip)
     return reached, held
 
 
@@ -97,8 +139,8 @@ def _flow(
     return np.asarray(reached, np.float32), found.ravel() > 0
 
 
-def _near(tracker: KltTracker, xy: NDArray[np.float32], where: NDArray[np.float32]) -> NDArray[np.bool_]:
-    return np.asarray(((xy - where) ** 2).sum(1) <= tracker.max_roundtrip**2, np.bool_)
+def _within(xy: NDArray[np.float32], where: NDArray[np.float32], limit: float) -> NDArray[np.bool_]:
+    return np.asarray(((xy - where) ** 2).sum(1) <= limit**2, np.bool_)
 
 
 def _inside(tracker: KltTracker, image: GreyImage, xy: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -23,8 +23,36 @@ def test_follows_as_the_tracker_does(step, zoom):
     assert 0.2 < survived.mean() < 0.99
     assert (tracks.survived == survived).mean() >= 0.98
     both = tracks.survived & survived
-    np.testing.assert_array_equal(tracks.ends[both], ends[both])  # the way forth is the same search
+    np.testing.assert_allclose(tracks.ends[both], ends[both], atol=0.1)
     np.testing.assert_array_equal(np.isnan(tracks.ends).any(1), ~tracks.survived)
+
+
+def test_what_moves_steadily_is_searched_where_it_would_be(monkeypatch):
+    """In two steps through the pyramid, to know how it moves; then in the full image alone, until it turns."""
+    levels, results = [], []
+    flow = cv2.calcOpticalFlowPyrLK
+
+    def noted(image0, image1, xy, guess, **options):
+        levels[-1].append((options["maxLevel"], len(xy)))
+        return flow(image0, image1, xy, guess, **options)
+
+    frames = flight(6, step=(2.0, 1.0), zoom=1.03).frames
+    paths, xy = (frames, [*frames[:4], *frames[:2]]), spread()  # the second one jumps back by three steps
+    monkeypatch.setattr(cv2, "calcOpticalFlowPyrLK", noted)
+    for path in paths:
+        levels.append([])
+        tracks = follow(KltTracker(), path, xy)
+        assert 0.5 < tracks.survived.mean() < 0.95
+        results.append(tracks)
+    steady, turning = levels
+    assert [level for level, _ in steady[:4]] == [3, 0, 3, 0]
+    assert sum(count for level, count in steady[4:] if level) < 0.1 * sum(count for level, count in steady[4:])
+    assert sum(count for level, count in turning[6:] if level) > len(xy)
+    monkeypatch.undo()
+    for path, tracks in zip(paths, results, strict=True):
+        ends, survived = KltTracker().track(path, xy)
+        both = tracks.survived & survived
+        np.testing.assert_allclose(tracks.ends[both], ends[both], atol=0.1)
 
 
 def test_moves_lead_from_start_to_end(short_flight):
