@@ -55,7 +55,9 @@ def row(matcher: PairMatcher, sequence: ImageSequence, gap: int, pairs: int, thr
             raise SystemExit(f"{sequence.name} has no cameras and poses")
         truth = np.linalg.inv(poses[1]) @ poses[0]
         for threshold in thresholds:
-            found[threshold].append(errors(fit_relative_pose(pair.xy0, pair.xy1, cameras[0], cameras[1], threshold), truth))
+            found[threshold].append(
+                errors(fit_relative_pose(pair.xy0, pair.xy1, cameras[0], cameras[1], threshold), truth)
+            )
     return [
         ", ".join(
             f"{pose_auc(column, limit):.2f}"
