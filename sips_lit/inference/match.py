@@ -42,8 +42,8 @@ def match(
     tensors ("bgr" for what `cv2.imread` gives), as for `SipsDetector`. ``n``: points per image, at most. ``detector``: a
     checkpoint, the name of released weights, or any detector. ``descriptor``: by default the detector's own, or `RootSift`
     where it has none. ``camera``: a `Camera` or its matrix (3, 3) in pixels, of both images, or a list of two; without lens
-    distortion. ``threshold``: pixels within which inliers agree with the model, by default 3
-    (homography) or 1 (pose). The same input gives the same result.
+    distortion. ``threshold``: pixels within which inliers agree with the model, by default 3 (homography)
+    or 1 (pose). The same input gives the same result.
 
     Raises BadInputError for images and numbers that are none of these, and for cameras that can't be those of the images.
     """

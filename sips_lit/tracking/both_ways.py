@@ -16,8 +16,6 @@ from sips_lit.types import GreyImage
 
 SMALL_MOTION: Final = 8.0
 """Pixels a frame: faster points are searched through the pyramid, where a guess would find more than it does."""
-
-
 STEADY: Final = 1.0
 """Pixels a frame by which the move of a steady point may differ from its move before."""
 MOST: Final = 0.5
@@ -42,10 +40,8 @@ def follow(tracker: KltTracker, frames: Sequence[GreyImage], xy: NDArray[np.floa
     """
     alive, places = np.arange(len(xy)), np.ascontiguousarray(xy, np.float32)
     moves = np.full((len(frames) - 1, len(xy), 2), np.nan, np.float32)
-    before, steady = (
-        np.full((len(xy), 2), np.nan, np.float32),
-        False,
-    )  # the moves of the step before; whether most are such again
+    before = np.full((len(xy), 2), np.nan, np.float32)  # the moves of the last step
+    steady = False  # whether most of them were as those of the step before it
     for move, (image0, image1) in zip(moves, itertools.pairwise(frames), strict=True):
         if steady:
             reached, held = _going_on(tracker, image0, image1, places, places + before[alive])
@@ -71,14 +67,7 @@ def retrace(
     alive, places = np.arange(len(xy)), np.ascontiguousarray(xy, np.float32)
     for (image0, image1), move in zip(itertools.pairwise(frames), moves, strict=True):
         undone = places - move[alive]
-        slow = np.flatnonzero(_within(undone, places, SMALL_MOTION))
-        reached, held = places.copy(), np.zeros(len(places), np.bool_)
-        reached[slow], found = _flow(tracker, image0, image1, places[slow], undone[slow])
-        held[slow] = (
-            found
-            & _within(reached[slow], undone[slow], tracker.max_roundtrip)
-            & _inside(tracker, image1, reached[slow])
-        )
+        reached, held = _near_guess(tracker, image0, image1, places, undone, tracker.max_roundtrip)
         again = np.flatnonzero(~held)
         reached[again], held[again] = _step(tracker, image0, image1, places[again])
         alive, places = alive[held], reached[held]
@@ -97,12 +86,8 @@ def _going_on(
     They are searched there in the full image, and hold if they are found within `STEADY` pixels of it and the way back leads
     to their start. Others, and those expected to move by more than `SMALL_MOTION` pixels, are searched through the pyramid.
     """
-    slow = np.flatnonzero(_within(expected, xy, SMALL_MOTION))
-    reached, held = xy.copy(), np.zeros(len(xy), np.bool_)
-    reached[slow], found = _flow(tracker, image0, image1, xy[slow], expected[slow])
-    near = slow[found & _within(reached[slow], expected[slow], STEADY) & _inside(tracker, image1, reached[slow])]
-    back, found = _flow(tracker, image1, image0, reached[near], xy[near])
-    held[near] = found & _within(back, xy[near], tracker.max_roundtrip)
+    reached, held = _near_guess(tracker, image0, image1, xy, expected, STEADY)
+    held[held] = _return(tracker, image0, image1, xy[held], reached[held])
     again = np.flatnonzero(~held)
     reached[again], held[again] = _step(tracker, image0, image1, xy[again])
     return reached, held
@@ -113,9 +98,39 @@ def _step(
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     reached, found = _flow(tracker, image0, image1, xy)
     held = found & _inside(tracker, image1, reached)
-    back, found = _flow(tracker, image1, image0, reached[held], xy[held])
-    held[held] = found & _within(back, xy[held], tracker.max_roundtrip)
+    held[held] = _return(tracker, image0, image1, xy[held], reached[held])
     return reached, held
+
+
+def _near_guess(
+    tracker: KltTracker,
+    image0: GreyImage,
+    image1: GreyImage,
+    xy: NDArray[np.float32],
+    guess: NDArray[np.float32],
+    most: float,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where N points are in image 1, searched around guesses (N, 2), and which are in it within ``most`` pixels of these.
+
+    Points that would move by more than `SMALL_MOTION` pixels are not searched, and do not hold.
+    """
+    slow = np.flatnonzero(_within(guess, xy, SMALL_MOTION))
+    reached, held = xy.copy(), np.zeros(len(xy), np.bool_)
+    reached[slow], found = _flow(tracker, image0, image1, xy[slow], guess[slow])
+    held[slow] = found & _within(reached[slow], guess[slow], most) & _inside(tracker, image1, reached[slow])
+    return reached, held
+
+
+def _return(
+    tracker: KltTracker,
+    image0: GreyImage,
+    image1: GreyImage,
+    xy: NDArray[np.float32],
+    reached: NDArray[np.float32],
+) -> NDArray[np.bool_]:
+    """Which of N points (N, 2) of image 0 the way back from where they are in image 1 leads to again."""
+    back, found = _flow(tracker, image1, image0, reached, xy)
+    return found & _within(back, xy, tracker.max_roundtrip)
 
 
 def _flow(

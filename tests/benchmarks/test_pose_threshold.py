@@ -31,5 +31,5 @@ def test_errors_by_hand():
 def test_a_row():
     """SIFT finds the pose of a scene with a threshold of one pixel, and not with one of a hundred-thousandth."""
     good, bad = SCRIPT["row"](PairMatcher(SiftDetector(), n=200), StereoScene(5), 2, 3, (1.0, 1e-5))
-    assert [float(number) for number in good.split(", ")] > [0.7, 0.7]
+    assert min(float(number) for number in good.split(", ")) > 0.7
     assert float(good.split(", ")[1]) > float(bad.split(", ")[1])
