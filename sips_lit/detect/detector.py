@@ -20,6 +20,7 @@ from sips_lit.detect.released import DEFAULT, SHA256
 from sips_lit.detect.runtime import make_runtime
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor, score_map
+from sips_lit.detect.steps import step
 from sips_lit.errors import BadInputError
 from sips_lit.frames.images import read_grey, to_grey
 from sips_lit.types import ColorOrder, FloatArray, GreyImage, Keypoints, ScoreKind
@@ -154,7 +155,8 @@ class SipsDetector(BaseDetector):
         """At most ``n`` points of a grey uint8 image (H, W), best first, with covariances where the network has the head."""
         if n < 0:
             raise BadInputError(f"n is {n}: ask for a number of points that is not negative")
-        tensor = image_tensor(image, self.device)
+        with step("network"):
+            tensor = image_tensor(image, self.device)
         return with_covariance(self.network, tensor, self.selector.select(self.runtime, tensor, n))
 
     def within(

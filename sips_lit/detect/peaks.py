@@ -13,10 +13,10 @@ from torch import Tensor
 
 _SINGLE: Final = 2**24
 """Up to it float32 tells all whole numbers apart."""
-_OFFSETS: Final = np.array([-1, 0, 1])
+_AROUND: Final = np.array([-1, 0, 1])
 
 
-def local_maxima(scores: Tensor, radius: int) -> tuple[Tensor, Tensor]:
+def local_maxima(scores: Tensor, radius: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows and columns, each (N,) int64, of the local maxima of a score map (H, W), best first.
 
     A pixel is a maximum if no pixel within Chebyshev distance ``radius`` scores higher, and is kept if no equal maximum
@@ -28,10 +28,10 @@ def local_maxima(scores: Tensor, radius: int) -> tuple[Tensor, Tensor]:
     """
     if scores.device.type == "cpu":
         known = scores.detach() if scores.dtype in (torch.float32, torch.float64) else scores.detach().double()
-        places = torch.from_numpy(_maxima_on_cpu(known.contiguous().numpy(), radius))
+        places = _maxima_on_cpu(known.contiguous().numpy(), radius)
     else:
-        places = _maxima_on_device(scores, radius)
-    return places // scores.shape[1], places % scores.shape[1]
+        places = _maxima_on_device(scores, radius).cpu().numpy()
+    return np.divmod(places, scores.shape[1])
 
 
 def _maxima_on_cpu(scores: NDArray[Any], radius: int) -> NDArray[np.int64]:
@@ -64,7 +64,7 @@ def _maxima_on_device(scores: Tensor, radius: int) -> Tensor:
     return places
 
 
-def quadratic_offsets(scores: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
+def quadratic_offsets(scores: Tensor, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
     """Offsets (N, 2) as (dx, dy) from each peak pixel to the top of the quadratic through its 3x3 neighbourhood.
 
     Fit on logits, not on probabilities: the sigmoid flattens strong peaks. Gradient and Hessian are central differences;
@@ -73,13 +73,12 @@ def quadratic_offsets(scores: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
     """
     height, width = scores.shape
     if height < 3 or width < 3:
-        return torch.zeros(len(rows), 2, dtype=scores.dtype, device=scores.device)
+        return np.zeros((len(rows), 2))
     inside = (rows > 0) & (rows < height - 1) & (columns > 0) & (columns < width - 1)
-    middle = rows.clamp(1, height - 2) * width + columns.clamp(1, width - 2)
-    around = torch.from_numpy((_OFFSETS[:, None] * width + _OFFSETS).ravel()).to(scores.device)
-    values = scores.detach().flatten()[middle[:, None] + around]
-    step = _newton_step(values.double().cpu().numpy().T, inside.cpu().numpy())
-    return torch.from_numpy(step).to(scores.device, scores.dtype)
+    middle = np.minimum(np.maximum(rows, 1), height - 2) * width + np.minimum(np.maximum(columns, 1), width - 2)
+    around = middle + (_AROUND[:, None] * width + _AROUND).reshape(-1, 1)
+    values = scores.detach().flatten()[torch.from_numpy(around).to(scores.device)]
+    return _newton_step(values.cpu().double().numpy(), inside)
 
 
 def _newton_step(values: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -30,8 +30,8 @@ _STEPS: Final = 2001
 
 
 def sigmoid(logits: Any) -> Floats:
-    """Without overflow."""
-    values: Floats = 0.5 * (1 + np.tanh(0.5 * np.asarray(logits, np.float64)))
+    """Without overflow, and exact to the last digits of small probabilities, too."""
+    values: Floats = np.exp(-np.logaddexp(0.0, -np.asarray(logits, np.float64)))
     return values
 
 

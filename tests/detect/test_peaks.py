@@ -136,7 +136,7 @@ def test_ties_beyond_the_integers_of_single_precision(first):
 
 
 def offset(scores: np.ndarray, row: int, column: int) -> list[float]:
-    at = (torch.tensor([row]), torch.tensor([column]))
+    at = (np.array([row]), np.array([column]))
     return quadratic_offsets(torch.from_numpy(np.asarray(scores)), *at)[0].tolist()
 
 
@@ -195,5 +195,5 @@ def test_maps_too_small_for_a_fit(shape):
 
 
 def test_no_points():
-    none = torch.zeros(0, dtype=torch.long)
+    none = np.zeros(0, np.int64)
     assert quadratic_offsets(torch.zeros(5, 5), none, none).shape == (0, 2)

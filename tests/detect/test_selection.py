@@ -11,6 +11,8 @@ from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import (
     OneOctave,
     PointSelector,
+    all_finite,
+    far_from_border,
     image_pyramid,
     image_tensor,
     logits_at,
@@ -49,7 +51,7 @@ def test_single_scale_is_the_best_local_maxima_of_the_map():
         logits = net(IMAGE)[0, 0]
     rows, columns = local_maxima(logits, 5)
     points = PointSelector(5, subpixel=False).select(net, IMAGE, 12)
-    np.testing.assert_array_equal(points.keypoints.xy, torch.stack([columns, rows], 1)[:12].float().numpy())
+    np.testing.assert_array_equal(points.keypoints.xy, np.stack([columns, rows], 1)[:12])
     np.testing.assert_array_equal(points.row, rows[:12])
     np.testing.assert_array_equal(points.column, columns[:12])
     np.testing.assert_allclose(points.keypoints.score, torch.sigmoid(logits[rows, columns])[:12].numpy(), rtol=1e-6)
@@ -250,6 +252,28 @@ def test_broken_weights_are_told_to_the_user():
         PointSelector().select(net, IMAGE, 10)
 
 
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64, torch.bfloat16])
+@pytest.mark.parametrize("bad", [torch.nan, torch.inf, -torch.inf])
+def test_one_value_that_is_not_finite_is_noticed(dtype, bad):
+    values = torch.randn(7, 9, generator=torch.Generator().manual_seed(0)).to(dtype)
+    assert all_finite(values)
+    assert all_finite(values[:0])
+    values[6, 0] = bad
+    assert not all_finite(values)
+
+
+@pytest.mark.parametrize("border", [0, 2, 3, 50])
+def test_the_border_of_arrays_is_that_of_tensors(border):
+    rows, columns = (grid.ravel() for grid in np.mgrid[0:70, 0:45])
+    far = far_from_border(rows, columns, (70, 45), border)
+    np.testing.assert_array_equal(
+        far_from_border(torch.from_numpy(rows), torch.from_numpy(columns), (70, 45), border), far
+    )
+    margin = min(border, 2)  # 45 / 16
+    expected = (np.minimum(rows, 69 - rows) >= margin) & (np.minimum(columns, 44 - columns) >= margin)
+    np.testing.assert_array_equal(far, expected)
+
+
 def test_a_negative_radius_is_refused():
     with pytest.raises(ValueError, match="nms_radius is -1"):
         PointSelector(nms_radius=-1)
@@ -303,23 +327,23 @@ def test_a_blob_is_at_its_place_in_every_level(factor, x, y):
         weight = level[0, 0] / level.sum()
         size = (level.shape[-2], level.shape[-1])
         centre = [float((weight * torch.arange(size[1])).sum()), float((weight * torch.arange(size[0])[:, None]).sum())]
-        seen = to_full_resolution(torch.tensor([centre]), size, (height, width))[0]
-        np.testing.assert_allclose(seen.numpy(), [x, y], atol=0.02)
+        seen = to_full_resolution(np.array([centre]), size, (height, width))[0]
+        np.testing.assert_allclose(seen, [x, y], atol=0.02)
 
 
 def test_corners_of_a_level_are_corners_of_the_image():
     # the outer edge of the image is half a pixel outside the centres of its first and last pixels, in every level
-    edges = torch.tensor([[-0.5, -0.5], [9.5, 4.5]])
-    np.testing.assert_allclose(to_full_resolution(edges, (5, 10), (21, 37)).numpy(), [[-0.5, -0.5], [36.5, 20.5]])
+    edges = np.array([[-0.5, -0.5], [9.5, 4.5]])
+    np.testing.assert_allclose(to_full_resolution(edges, (5, 10), (21, 37)), [[-0.5, -0.5], [36.5, 20.5]])
 
 
 @given(st.integers(1, 200), st.integers(1, 200), st.integers(1, 90), st.integers(1, 90))
 @settings(max_examples=50, deadline=None)
 def test_there_and_back(height, width, level_height, level_width):
-    xy = torch.tensor([[0.0, 0.0], [level_width - 1, level_height - 1], [0.3, 7.7]], dtype=torch.float64)
+    xy = np.array([[0.0, 0.0], [level_width - 1, level_height - 1], [0.3, 7.7]])
     there = to_full_resolution(xy, (level_height, level_width), (height, width))
     back = to_full_resolution(there, (height, width), (level_height, level_width))
-    torch.testing.assert_close(back, xy, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(back, xy, rtol=0, atol=1e-9)
 
 
 def slow_suppression(xy: np.ndarray, level: np.ndarray, radius: float, n: int) -> list[int]:

@@ -77,3 +77,4 @@ def test_logit_and_sigmoid_are_inverse_and_bounded():
     np.testing.assert_allclose(sigmoid(logit(PROBABILITIES)), PROBABILITIES, rtol=1e-9)
     np.testing.assert_array_equal(logit([0.0, 1.0]), [-30, 30])
     np.testing.assert_array_equal(sigmoid([-1e4, 1e4]), [0, 1])
+    np.testing.assert_allclose(sigmoid([-40.0, -300.0]), np.exp([-40.0, -300.0]), rtol=1e-12)

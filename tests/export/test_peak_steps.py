@@ -64,7 +64,7 @@ def test_offsets_are_those_of_the_detector(size):
         at = local_maxima(scores[index], 2)
         count = min(200, len(at[0]))
         assert int((value[index] > -torch.inf).sum()) == count
-        expected = quadratic_offsets(scores[index], at[0], at[1])[:count]
+        expected = quadratic_offsets(scores[index], at[0], at[1])[:count].astype(np.float32)
         np.testing.assert_array_equal(offsets[index, :count], expected)
     assert size[0] < 3 or bool((offsets != 0).any())
 
