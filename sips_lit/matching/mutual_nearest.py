@@ -28,8 +28,9 @@ def distances(features0: Features, features1: Features) -> NDArray[np.float32]:
     vectors0, vectors1 = _vectors(features0), _vectors(features1)
     squares0 = np.einsum("nd,nd->n", vectors0, vectors0)
     squares1 = np.einsum("nd,nd->n", vectors1, vectors1)
-    result: NDArray[np.float32] = squares0[:, None] + squares1[None, :] - 2 * (vectors0 @ vectors1.T)
-    return result.clip(min=0)  # rounding may make the distance of equal descriptors negative
+    result: NDArray[np.float32] = squares0[:, None] + squares1
+    result -= 2 * (vectors0 @ vectors1.T)
+    return np.maximum(result, 0, out=result)  # rounding may make the distance of equal descriptors negative
 
 
 def _vectors(features: Features) -> NDArray[np.float32]:

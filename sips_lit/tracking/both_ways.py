@@ -16,10 +16,12 @@ from sips_lit.types import GreyImage
 
 SMALL_MOTION: Final = 8.0
 """Pixels a frame: faster points are searched through the pyramid, where a guess would find more than it does."""
-STEADY: Final = 1.0
+STEADY: Final = 1.5
 """Pixels a frame by which the move of a steady point may differ from its move before."""
-MOST: Final = 0.5
-"""Share of the points that have to be steady for all to be searched where they would be: below it, that costs more."""
+NEAR: Final = 4.0
+"""Pixels from where it would be within which a point that is searched there may be found."""
+MOST: Final = 0.7
+"""Share of the points that must be steady for all to be searched where they would be, and be found near it to be trusted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,8 @@ def retrace(
         undone = places - move[alive]
         reached, held = _near_guess(tracker, image0, image1, places, undone, tracker.max_roundtrip)
         again = np.flatnonzero(~held)
-        reached[again], held[again] = _step(tracker, image0, image1, places[again])
+        if len(again):
+            reached[again], held[again] = _step(tracker, image0, image1, places[again])
         alive, places = alive[held], reached[held]
     return _of_all(len(xy), alive, places)
 
@@ -81,15 +84,18 @@ def _going_on(
     xy: NDArray[np.float32],
     expected: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """A step of N points (N, 2), as `_step`, of which most are near others (N, 2) in image 1.
+    """A step of N points (N, 2), as `_step`, of which most are expected near others (N, 2) in image 1.
 
-    They are searched there in the full image, and hold if they are found within `STEADY` pixels of it and the way back leads
-    to their start. Others, and those expected to move by more than `SMALL_MOTION` pixels, are searched through the pyramid.
+    They are searched there in the full image, and hold if they are found within `NEAR` pixels of it and the way back leads
+    to their start. Others, and those expected to move by more than `SMALL_MOTION` pixels, are searched through the pyramid;
+    so are all where most are not found near, since the camera has turned, and what the few have found resembles them.
     """
-    reached, held = _near_guess(tracker, image0, image1, xy, expected, STEADY)
+    reached, held = _near_guess(tracker, image0, image1, xy, expected, NEAR)
+    held &= bool(np.count_nonzero(held) >= MOST * len(held))
     held[held] = _return(tracker, image0, image1, xy[held], reached[held])
     again = np.flatnonzero(~held)
-    reached[again], held[again] = _step(tracker, image0, image1, xy[again])
+    if len(again):
+        reached[again], held[again] = _step(tracker, image0, image1, xy[again])
     return reached, held
 
 
@@ -155,12 +161,13 @@ def _flow(
 
 
 def _within(xy: NDArray[np.float32], where: NDArray[np.float32], limit: float) -> NDArray[np.bool_]:
-    return np.asarray(((xy - where) ** 2).sum(1) <= limit**2, np.bool_)
+    dx, dy = (xy - where).T
+    return np.asarray(dx * dx + dy * dy <= limit**2, np.bool_)
 
 
 def _inside(tracker: KltTracker, image: GreyImage, xy: NDArray[np.float32]) -> NDArray[np.bool_]:
-    high = np.array(image.shape[::-1], np.float32) - 1 - tracker.margin
-    return np.asarray(((xy >= tracker.margin) & (xy <= high)).all(1), np.bool_)
+    (height, width), (x, y), low = image.shape, xy.T, tracker.margin
+    return np.asarray((x >= low) & (x <= width - 1 - low) & (y >= low) & (y <= height - 1 - low), np.bool_)
 
 
 def _of_all(

@@ -55,6 +55,37 @@ def test_what_moves_steadily_is_searched_where_it_would_be(monkeypatch):
         np.testing.assert_allclose(tracks.ends[both], ends[both], atol=0.1)
 
 
+def test_each_point_is_searched_where_it_would_be_itself(monkeypatch):
+    """Two halves pass each other, and the first points soon leave the image: others have other numbers then."""
+    left, right = texture(120, 120, seed=1), texture(120, 120, seed=2)
+    frames = [np.hstack([left[:, 4 * at : 4 * at + 80], right[:, 32 - 4 * at : 112 - 4 * at]]) for at in range(7)]
+    y = np.linspace(10, 109, 30)
+    columns = [np.stack([np.full(30, x), y], 1) for x in (9, 40, 110, 55, 125)]
+    xy = np.stack(columns, 1).reshape(-1, 2).astype(np.float32)
+    searched, flow = [], cv2.calcOpticalFlowPyrLK
+
+    def noted(image0, image1, xy, guess, **options):
+        searched.append((options["maxLevel"], len(xy)))
+        return flow(image0, image1, xy, guess, **options)
+
+    monkeypatch.setattr(cv2, "calcOpticalFlowPyrLK", noted)
+    tracks = follow(KltTracker(), frames, xy)
+    assert not tracks.survived[::5].any()
+    assert tracks.survived.mean() > 0.5
+    assert sum(count for level, count in searched[4:] if level) < 0.1 * sum(count for level, count in searched[4:])
+
+
+def test_what_something_passes_before_in_steady_motion_is_lost():
+    frames = [frame.copy() for frame in flight(8, step=(2.0, 1.0), zoom=1.0).frames]
+    for at, frame in enumerate(frames[4:]):
+        frame[30:90, 40 + 4 * at : 80 + 4 * at] = texture(60, 40, seed=9)
+    tracks = follow(KltTracker(), frames, spread(400))
+    _, survived = KltTracker().track(frames, spread(400))
+    held = [np.isfinite(move).all(1).mean() for move in tracks.moves]
+    assert held[2] - held[3] > 0.05, "the first step with what passes"
+    assert (tracks.survived == survived).mean() > 0.98
+
+
 def test_moves_lead_from_start_to_end(short_flight):
     xy = spread()
     tracks = follow(KltTracker(), short_flight.frames, xy)
