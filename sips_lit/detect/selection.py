@@ -149,7 +149,7 @@ class PointSelector:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
         """Points (N, 2) in full resolution, logits (N,) and places (N, 3) = (level, row, column) of one level, best first.
 
-        In NumPy from the maxima on: for so few numbers it takes less than half of PyTorch's time.
+        In NumPy from the maxima on, which takes less time than PyTorch for so few numbers.
         """
         if not all_finite(logits):
             raise BadInputError(
