@@ -230,12 +230,13 @@ def test_every_experiment_composes(name, tmp_path, checkpoint):
     [
         (["experiment=released", "root=x"], True, "klt_retraced"),
         (["experiment=[released,distill]", "root=x", "teacher=x"], False, "klt_retraced"),
-        (["data.path=x"], False, "klt"),
+        (["data.path=x"], False, "klt_retraced"),
         (["experiment=paper", "data.sources=null"], False, "klt"),
+        (["experiment=quickstart"], False, "klt"),
     ],
-    ids=["released", "distilled", "default", "paper"],
+    ids=["released", "distilled", "default", "paper", "quickstart"],
 )
-def test_weights_are_averaged_at_a_constant_rate_where_they_are_released(choices, averaged, inliers):
+def test_labels_by_klt_and_averaged_weights_where_they_are_wanted(choices, averaged, inliers):
     config = composed("train", *choices)
     assert (config.callbacks.average is not None) == averaged
     assert (config.optim.scheduler is None) == (averaged or choices[0] == "experiment=paper")
