@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sips_lit.inliers.klt import KltInliers
-from sips_lit.tracking.both_ways import SMALL_MOTION, follow, retrace
+from sips_lit.tracking.both_ways import MOST, NEAR, SMALL_MOTION, STEADY, follow, retrace
 from sips_lit.types import FramePair, Inliers, Keypoints, Matches, Reason
 
 
@@ -20,7 +20,8 @@ class RetracedKltInliers(KltInliers):
     @property
     def protocol(self) -> Mapping[str, Any]:
         """Method and thresholds."""
-        return {**super().protocol, "inliers": "klt_retraced", "retraced_below": SMALL_MOTION}
+        own = {"retraced_below": SMALL_MOTION, "steady_within": STEADY, "found_within": NEAR, "most": MOST}
+        return {**super().protocol, "inliers": "klt_retraced", **own}
 
     def __call__(self, pair: FramePair, keypoints0: Keypoints, keypoints1: Keypoints, matches: Matches) -> Inliers:
         """Every point is known to KLT: what can't be tracked is an outlier."""

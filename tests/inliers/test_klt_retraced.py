@@ -30,7 +30,8 @@ def test_protocol_tells_the_thresholds():
     check = RetracedKltInliers(threshold=2.0)
     assert check.protocol["inliers"] == "klt_retraced"
     assert check.protocol["threshold"] == 2.0
-    assert check.protocol["retraced_below"] == 8.0
+    told = [check.protocol[name] for name in ("retraced_below", "steady_within", "found_within", "most")]
+    assert told == [8.0, 1.5, 4.0, 0.7]
     assert check.protocol["max_roundtrip"] == 1.0
     assert RetracedKltInliers(KltTracker(max_roundtrip=0.5)).protocol["max_roundtrip"] == 0.5
     assert check.independent
