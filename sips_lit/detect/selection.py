@@ -26,6 +26,7 @@ SIXTEENTH = 16
 
 
 Numbers = TypeVar("Numbers", NDArray[Any], Tensor)
+"""Arrays or tensors."""
 
 
 class Scorer(Protocol):
@@ -181,7 +182,7 @@ def all_finite(values: Tensor) -> bool:
 def far_from_border(rows: Numbers, columns: Numbers, size: tuple[int, int], border: int) -> Numbers:
     """Which pixels (...,) of an image (H, W) have ``border`` pixels or a sixteenth of its shorter side outside, or more.
 
-    Arrays or tensors. Not by a minimum of both sides, which an exported graph does not know.
+    Not by a minimum of both sides, which an exported graph does not know.
     """
     height, width = size
 
