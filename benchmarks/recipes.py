@@ -4,6 +4,7 @@
 
 A row is a recipe (what was swept besides `held_out` and the seed), a column a kind; a cell is the mean of its seeds, and the
 standard deviation where there are several. The last column is the mean of the kinds. Runs that have not ended are left out.
+Runs of a kind that were validated on different pairs do not compare: it says so instead.
 """
 
 from __future__ import annotations
@@ -20,17 +21,19 @@ from tabulate import tabulate
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from sips_lit.callbacks.cards import card_of
+from sips_lit.cli.validation_record import FILE, digest_in
 
 KIND, SEED = "held_out", "seed"
 
 
 @dataclass(frozen=True, slots=True)
 class JudgedRun:
-    """What was set in a run, without its kind and seed; the kind; and the scalar of its last validation."""
+    """What was set in a run, without its kind and seed; the kind; the scalar of its last validation; and on what that is."""
 
     recipe: tuple[str, ...]
     kind: str
     value: float
+    judged_on: str | None = None
 
 
 def read_runs(sweep: Path, scalar: str) -> list[JudgedRun]:
@@ -44,8 +47,17 @@ def read_runs(sweep: Path, scalar: str) -> list[JudgedRun]:
         tag = card_of(scalar).tag
         if tag in events.Tags()["scalars"]:
             recipe = tuple(f"{name}={value}" for name, value in given.items() if name not in (KIND, SEED))
-            runs.append(JudgedRun(recipe, given[KIND].strip("[]"), events.Scalars(tag)[-1].value))
+            kind, value = given[KIND].strip("[]"), events.Scalars(tag)[-1].value
+            runs.append(JudgedRun(recipe, kind, value, digest_in(folder)))
     return runs
+
+
+def kinds_judged_differently(runs: Sequence[JudgedRun]) -> list[str]:
+    """Kinds whose runs were not all validated on the same."""
+    digests = defaultdict(set)
+    for run in runs:
+        digests[run.kind].add(run.judged_on)
+    return [kind for kind, found in digests.items() if len(found) > 1]
 
 
 def table(runs: Sequence[JudgedRun]) -> list[list[str]]:
@@ -75,5 +87,7 @@ if __name__ == "__main__":
     judged = read_runs(Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "val/succinctness_auc")
     if not judged:
         sys.exit(f"error: no run in {sys.argv[1]} has ended: give the folder of a sweep, outputs/sweep/...")
+    if differ := kinds_judged_differently(judged):
+        sys.exit(f"error: runs of {'; '.join(differ)} were not validated on the same: compare {FILE} in their folders")
     head, *body = table(judged)
     print(tabulate(body, head, tablefmt="pipe", disable_numparse=True))

@@ -32,9 +32,11 @@ def settings_of(config: DictConfig, data: ValidationDataModule) -> dict[str, int
         "seed": config.seed,
     }
     pairs = {name: plain["datamodule"].get(name) for name in ("overlap", "spread", "budgets", "between")}
+    validation = {name: plain["datamodule"].get(f"val_{name}") for name in ("pairs", "overlap", "fraction", "seed")}
+    validation |= {"k": config.k, "n_max": config.n_max}
     pairs |= {"descriptor": _class_name(plain["descriptor"]), "inliers": plain["inliers"]}
     optim = {**plain["optim"], "init": config.init}
-    groups = {"model": plain["model"], "module": module, "optim": optim, "pairs": pairs}
+    groups = {"model": plain["model"], "module": module, "optim": optim, "pairs": pairs, "validation": validation}
     settings |= flat({**groups, "training": {"augment": plain["augment"]}})
     told = {name: value for name, value in settings.items() if not name.endswith(("_target_", "_partial_"))}
     return {name: value if isinstance(value, int | float | str) else str(value) for name, value in told.items()}

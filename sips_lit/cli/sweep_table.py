@@ -17,6 +17,7 @@ from omegaconf import DictConfig
 from tabulate import tabulate
 
 from sips_lit.cli.next_steps import pasted
+from sips_lit.cli.validation_record import FILE, digest_in
 from sips_lit.files import write_whole
 
 RESULT = "result.yaml"
@@ -26,12 +27,16 @@ LONGEST = 60  # characters of a reason in the table
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A job of a sweep: its folder, its overrides, its score (NaN without one), and why it has none."""
+    """A job of a sweep: its folder, its overrides, its score (NaN without one), and why it has none.
+
+    ``judged_on``: digest of what the score was measured on, None where that is not told.
+    """
 
     folder: Path
     overrides: tuple[str, ...]
     score: float
     problem: str | None
+    judged_on: str | None = None
 
 
 class SweepTable(Callback):
@@ -85,23 +90,32 @@ def _job(file: Path) -> Job:
     overrides = yaml.safe_load(file.read_text(encoding="utf-8")) or []
     result = file.with_name(RESULT)
     found = yaml.safe_load(result.read_text(encoding="utf-8")) if result.is_file() else {"problem": "did not end"}
-    return Job(file.parents[1], tuple(overrides), float(found.get("score", math.nan)), found.get("problem"))
+    folder, score = file.parents[1], float(found.get("score", math.nan))
+    return Job(folder, tuple(overrides), score, found.get("problem"), digest_in(folder))
 
 
 def report(command: str, jobs: Sequence[Job]) -> str:
-    """A row for each job, with what tells it from the others, and the command line of the one with the highest AUC."""
+    """A row for each job, with what tells it from the others, and the command line of the one with the highest AUC.
+
+    Where jobs were not all validated on the same, a column tells on what, and there is a best one of each.
+    """
     common = set.intersection(*(set(job.overrides) for job in jobs)) if len(jobs) > 1 else set()
+    scored = [job for job in jobs if math.isfinite(job.score)]
+    validations = list(dict.fromkeys(job.judged_on for job in scored))
     rows = []
     for job in jobs:
         own = " ".join(pasted(override) for override in job.overrides if override not in common)
         told = f"{job.score:.3f}" if math.isfinite(job.score) else _short(job.problem or "none")
-        rows.append([own, told, str(job.folder)])
-    lines = ["", tabulate(rows, ["overrides", "best AUC", "folder"], tablefmt="pipe", disable_numparse=True)]
-    scored = [job for job in jobs if math.isfinite(job.score)]
-    if scored:
-        best = max(scored, key=lambda job: job.score)
+        rows.append([own, told, *([job.judged_on or ""] if len(validations) > 1 else []), str(job.folder)])
+    head = ["overrides", "best AUC", *(["validated on"] if len(validations) > 1 else []), "folder"]
+    lines = ["", tabulate(rows, head, tablefmt="pipe", disable_numparse=True), ""]
+    if len(validations) > 1:
+        lines.append(f"jobs were not validated on the same, see {FILE} in their folders: only AUCs of the same compare")
+    for validation in validations:
+        best = max((job for job in scored if job.judged_on == validation), key=lambda job: job.score)
         again = [pasted(override) for override in best.overrides if not override.startswith("ckpt_path=")]
-        lines += ["", f"best: AUC {best.score:.3f} in {best.folder}", f"  {shlex.join([f'sips-{command}', *again])}"]
+        where = f" on {validation}" if len(validations) > 1 else ""
+        lines += [f"best{where}: AUC {best.score:.3f} in {best.folder}", f"  {shlex.join([f'sips-{command}', *again])}"]
     return "\n".join(lines)
 
 

@@ -30,6 +30,7 @@ from sips_lit.cli.methods import make_methods
 from sips_lit.cli.next_steps import after_training
 from sips_lit.cli.resuming import find_start, record_of
 from sips_lit.cli.run_settings import settings_of
+from sips_lit.cli.validation_record import write_record
 from sips_lit.cli.value_types import refuse_wrong_keys
 from sips_lit.detect.checkpoint import export_safetensors, start_from
 from sips_lit.errors import BadInputError, warn_input
@@ -86,6 +87,7 @@ def train(config: DictConfig) -> float:
     best, auc = _best(trainer)
     if not trainer.is_global_zero:
         return auc
+    validated_on = write_record(config, data)
     if trainer.global_step < trainer.max_steps:
         why = f"trainer.max_time={config.trainer.max_time}" if config.trainer.max_time else "a callback"
         print(f"{why} ended the run after {trainer.global_step} of {trainer.max_steps} steps: ckpt_path=last goes on")
@@ -99,7 +101,7 @@ def train(config: DictConfig) -> float:
             raise BadInputError(told)
         warn_input(told)  # a search goes on with it as the lowest score
         return auc
-    _report(data, best, auc, Path(config.paths.run))
+    _report(data, validated_on, best, auc, Path(config.paths.run))
     workers = config.datamodule.loading_workers, config.datamodule.get("labelling_workers", 0)
     for times in (callback.told(*workers) for callback in callbacks if isinstance(callback, StepTimes)):
         if times is not None:
@@ -196,10 +198,10 @@ def _best(trainer: L.Trainer) -> tuple[Path | None, float]:
     return Path(getattr(checkpoint, "best_model_path", "")), float(score)
 
 
-def _report(data: ValidationDataModule, best: Path | None, auc: float, folder: Path) -> None:
+def _report(data: ValidationDataModule, validated_on: str, best: Path | None, auc: float, folder: Path) -> None:
     if data.skipped.count:
         print(f"warning: {data.skipped}", file=sys.stderr)
-    print(f"\nbest validation AUC {auc:.3f} on {len(data.val_choices)} fixed pairs ({data.validation_digest()})")
+    print(f"\nbest validation AUC {auc:.3f} on {len(data.val_choices)} fixed pairs ({validated_on})")
     print(f"checkpoint:  {best or 'none'}\npictures:    {folder / 'pictures'}")
 
 

@@ -188,6 +188,12 @@ class FixedPairs:
         at, choice = self.choices[index]
         return pair_name(self.sources[at].sequences[choice.sequence], choice.index0, choice.index1)
 
+    def size(self, index: int) -> str:
+        """Width and height of the first image of pair ``index``. Raises BadInputError when it can't be read."""
+        at, choice = self.choices[index]
+        height, width = self.sources[at].sequences[choice.sequence].frame(choice.index0).shape
+        return f"{width}x{height}"
+
     def __getitem__(self, index: int) -> SourcePair:
         """Pair ``index``; raises BadInputError when one of its frames can't be read."""
         at, choice = self.choices[index]

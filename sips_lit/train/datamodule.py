@@ -12,6 +12,7 @@ from sips_lit.errors import BadInputError
 from sips_lit.frames.source import Source
 from sips_lit.pairs.build import unreadable_frames
 from sips_lit.pairs.overlap import OverlapParameters
+from sips_lit.pairs.sampler import SourceSampler
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.dataset import PackedPairs, TrainingPairs
 from sips_lit.train.loader import LabelledPair, OneStepAhead
@@ -23,8 +24,9 @@ from sips_lit.types import Descriptor, ImageSequence, InlierCheck
 class PairDataModule(ValidationDataModule):
     """Pairs of frames with enough overlap, with labels for the points that the network selects.
 
-    ``budgets``: see `label_pair`; ``between``: see `OneStepAhead`; ``labelling_workers``: threads that describe, match and
-    track; the others, and what is raised: see `ValidationDataModule`.
+    ``overlap``: least overlap of a pair to train on; ``spread``: see `PairSampler`; ``budgets``: see `label_pair`;
+    ``between``: see `OneStepAhead`; ``labelling_workers``: threads that describe, match and track; the others, and what is
+    raised: see `ValidationDataModule`.
     """
 
     what = "training pair"
@@ -44,6 +46,7 @@ class PairDataModule(ValidationDataModule):
         between: int = 0,
         val_fraction: float = 0.15,
         val_pairs: int = 30,
+        val_overlap: float = 0.1,
         loading_workers: int = 2,
         labelling_workers: int = 2,
         loading_timeout: float = LOADING_TIMEOUT,
@@ -57,10 +60,9 @@ class PairDataModule(ValidationDataModule):
             index_folder,
             val_data,
             overlap_parameters,
-            overlap,
-            spread,
             val_fraction,
             val_pairs,
+            val_overlap,
             loading_workers,
             loading_timeout,
             seed,
@@ -73,18 +75,22 @@ class PairDataModule(ValidationDataModule):
         if labelling_workers < 0:
             raise BadInputError(f"labelling_workers of the data is {labelling_workers}: give 0 or more")
         self.augmentation, self.labelling_workers = augmentation, labelling_workers
+        self.overlap, self.spread = overlap, spread
         self.budgets, self.between = list(budgets), between
 
     def prepare_data(self) -> None:
         """Measures the overlap indexes that are missing, those of the training data, too."""
-        self._sampler(self.sources, self.seed)
+        self._training_sampler()
         super().prepare_data()
 
     def setup(self, stage: str) -> None:
         """Reads the indexes and fixes the validation pairs; warns of frames that can't be read, which are in no pair."""
-        self.sampler = self._sampler(self.sources, self.seed)
+        self.sampler = self._training_sampler()
         warn_unreadable("frames of the training data", unreadable_frames(self.sampler.indexes))
         super().setup(stage)
+
+    def _training_sampler(self) -> SourceSampler:
+        return self._sampler(self.sources, self.overlap, self.seed, self.spread)
 
     def train_dataloader(self) -> OneStepAhead:
         """Labelled pairs; the points are selected by the module that is being trained."""

@@ -29,7 +29,7 @@ class ValidationDataModule(L.LightningDataModule):
 
     ``data``: sequences, or sources with weights; ``val_data``: the same for validation, or None to keep the last
     ``val_fraction`` of every training sequence for it; ``descriptor`` and ``inliers``: how pairs are matched and verified;
-    ``overlap``: least overlap of a pair; ``spread``: see `PairSampler`; ``val_pairs``: how many fixed pairs validate;
+    ``val_pairs``: how many fixed pairs validate; ``val_overlap``: their least overlap, whatever is trained on;
     ``loading_workers``: processes that decode and augment; ``loading_timeout``: seconds without anything from them after
     which they count as hung; ``index_folder``: where overlap indexes are kept; ``seed``: of what is trained on;
     ``val_seed``: of the choice of validation pairs, which is thus the same for any ``seed``. Raises BadInputError for data
@@ -46,10 +46,9 @@ class ValidationDataModule(L.LightningDataModule):
         index_folder: str | Path,
         val_data: Sequence[ImageSequence] | Sequence[Source] | None = None,
         overlap_parameters: OverlapParameters | None = None,
-        overlap: float = 0.1,
-        spread: float = 0.0,
         val_fraction: float = 0.15,
         val_pairs: int = 30,
+        val_overlap: float = 0.1,
         loading_workers: int = 2,
         loading_timeout: float = LOADING_TIMEOUT,
         seed: int = 0,
@@ -62,7 +61,7 @@ class ValidationDataModule(L.LightningDataModule):
                 raise BadInputError(f"{name} of the data is {value}: give {least} or more")
         self.descriptor, self.inliers = descriptor, inliers
         self.index_folder, self.overlap_parameters = index_folder, overlap_parameters or OverlapParameters()
-        self.overlap, self.spread, self.val_pairs = overlap, spread, val_pairs
+        self.val_pairs, self.val_overlap = val_pairs, val_overlap
         self.seed, self.val_seed = seed, val_seed
         self.loading_workers, self.loading_timeout = loading_workers, loading_timeout
         self.skipped = SkippedItems(self.what)
@@ -84,11 +83,11 @@ class ValidationDataModule(L.LightningDataModule):
 
     def prepare_data(self) -> None:
         """Measures the overlap indexes that are missing (on one process of each machine)."""
-        self._sampler(self.val_sources, self.val_seed)  # tells of data without pairs before processes start
+        self._val_sampler()  # tells of data without pairs before processes start
 
     def setup(self, stage: str) -> None:
         """Fixes the validation pairs; warns of frames that can't be read, which are in no pair."""
-        val_sampler = self._sampler(self.val_sources, self.val_seed)
+        val_sampler = self._val_sampler()
         warn_unreadable("frames of the validation data", unreadable_frames(val_sampler.indexes))
         unreadable: list[str] = []
 
@@ -111,13 +110,21 @@ class ValidationDataModule(L.LightningDataModule):
         if len(self.val_choices) < self.val_pairs:
             warn_input(
                 f"{self.val_pairs} validation pairs are asked for, and only {len(self.val_choices)} different ones "
-                f"overlap by {self.overlap:g}"
+                f"overlap by {self.val_overlap:g}"
             )
 
-    def _sampler(self, sources: list[Source], seed: int) -> SourceSampler:
+    def _val_sampler(self) -> SourceSampler:
+        return self._sampler(self.val_sources, self.val_overlap, self.val_seed, key="val_overlap")
+
+    def _sampler(
+        self, sources: list[Source], overlap: float, seed: int, spread: float = 0.0, key: str = "overlap"
+    ) -> SourceSampler:
         sequences = [sequence for source in sources for sequence in source.sequences]
         indexes = build_indexes(sequences, self.index_folder, self.overlap_parameters, self.loading_workers)
-        return SourceSampler(sources, indexes, self.overlap, seed, spread=self.spread)
+        try:
+            return SourceSampler(sources, indexes, overlap, seed, spread=spread)
+        except BadInputError as error:
+            raise BadInputError(f"{error} (datamodule.{key})") from error
 
     def training_steps(self) -> int:
         """How many batches all processes of this run take together. Raises BadInputError unless it is counted in steps."""
@@ -165,10 +172,10 @@ class ValidationDataModule(L.LightningDataModule):
                 digest.update(sequences[at].frame(int(place - ends[at] + lengths[at])).tobytes())
         return digest.hexdigest()[:16]
 
-    def validation_digest(self) -> str:
-        """Changes when the validation pairs change: curves of different runs compare only where it is the same."""
-        names = [(self.val_sources[at].sequences[choice.sequence].name, choice) for at, choice in self.val_choices]
-        return hashlib.sha256(repr(names).encode()).hexdigest()[:8]
+    def validation_pairs(self) -> list[str]:
+        """Name of each fixed pair, and the size of its first image: what validates is the same where these are."""
+        pairs = FixedPairs(self.val_sources, self.val_choices, self.inliers)
+        return [f"{pairs.name(at)} {pairs.size(at)}" for at in range(len(pairs))]
 
 
 @rank_zero_only

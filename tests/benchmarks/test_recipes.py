@@ -47,6 +47,15 @@ def test_a_single_recipe(tmp_path):
     assert read_runs(tmp_path, "val/ece") == []
 
 
+def test_runs_of_a_kind_that_were_judged_on_other_pairs(tmp_path, monkeypatch):
+    for number, (kind, pairs) in enumerate([("desk", "a"), ("desk", "a"), ("drives", "b"), ("drives", "c")]):
+        ended(tmp_path, number, [f"held_out=[{kind}]", f"seed={number}"], [0.5])
+        (tmp_path / str(number) / "validation.yaml").write_text(f"pairs: [{pairs}]\n")
+    monkeypatch.setattr("sys.argv", ["recipes.py", str(tmp_path)])
+    with pytest.raises(SystemExit, match=r"runs of drives were not validated on the same: compare validation\.yaml"):
+        runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "recipes.py"), run_name="__main__")
+
+
 def test_without_a_run_that_ended(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["recipes.py", str(tmp_path)])
     with pytest.raises(SystemExit, match=r"no run in .* has ended"):

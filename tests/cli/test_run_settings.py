@@ -33,6 +33,7 @@ def test_every_setting_has_a_column_of_its_own(tmp_path):
     assert (told["pairs.descriptor"], told["pairs.inliers.tracker.window"]) == ("OrbDescriptor", 15)
     assert (told["module.points"], told["model.depth"], told["optim.optimizer.lr"]) == (40, 3, 1e-3)
     assert told["optim.init"] == "None"
+    assert (told["validation.k"], told["validation.overlap"], told["validation.pairs"]) == (10, 0.1, 2)
     assert all(isinstance(value, int | float | str) for value in told.values())
     assert not any("_target_" in name or "selector" in name for name in told)
 

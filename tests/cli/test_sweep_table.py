@@ -35,6 +35,25 @@ def test_a_row_for_each_job_and_the_command_line_of_the_best(tmp_path):
     assert shlex.split(text.splitlines()[-1]) == ["sips-train", "data.path=my film.mp4", "seed=2"]
 
 
+def test_jobs_that_were_validated_on_other_pairs_do_not_compete(tmp_path):
+    for number, (score, pairs) in enumerate([(0.5, "a"), (0.9, "b"), (0.6, "a"), (0.8, "b")]):
+        write_job(tmp_path / str(number), [f"seed={number}"], {"score": score})
+        (tmp_path / str(number) / "validation.yaml").write_text(f"pairs: [{pairs}]\n")
+    write_job(tmp_path / "4", ["seed=4"], {"problem": "it failed"})
+    text = report("train", read_jobs(tmp_path))
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
+    assert rows[0] == ["overrides", "best AUC", "validated on", "folder"]
+    on = [row[2] for row in rows[2:]]
+    assert on[0] == on[2] != on[1] == on[3]
+    assert on[4] == ""
+    assert "only AUCs of the same compare" in text
+    best = [line for line in text.splitlines() if line.startswith("best")]
+    assert best == [
+        f"best on {on[0]}: AUC 0.600 in {tmp_path / '2'}",
+        f"best on {on[1]}: AUC 0.900 in {tmp_path / '1'}",
+    ]
+
+
 def test_jobs_are_in_the_order_of_their_numbers(tmp_path):
     for number in (10, 2, 0):
         write_job(tmp_path / str(number), [f"seed={number}"], {"score": 0.0})

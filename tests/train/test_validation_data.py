@@ -35,16 +35,41 @@ def test_no_data_at_all(tmp_path):
 def test_validation_pairs_are_fixed_and_unaugmented(tmp_path):
     def pairs(**options):
         data = ready(module(tmp_path, augmentation=Augmentation(), **options))
-        return [unpack(packed).pair for packed in data.val_dataloader()], data.validation_digest()
+        return [unpack(packed).pair for packed in data.val_dataloader()], data.validation_pairs()
 
-    (one, digest), (two, same), (_, other) = pairs(), pairs(loading_workers=2, seed=7), pairs(val_seed=7)
+    (one, told), (two, same), (_, other) = pairs(), pairs(loading_workers=2, seed=7), pairs(val_seed=7)
     assert len(one) == 5
     assert len({pair.name for pair in one}) == 5
-    assert digest == same != other  # runs that differ in their seed are judged on the same pairs
+    assert told == [f"{pair.name} 96x80" for pair in one]
+    assert told == same != other  # runs that differ in their seed are judged on the same pairs
     for a, b in zip(one, two, strict=True):
         assert a.name == b.name
         np.testing.assert_array_equal(a.image0, a.frames[0])
         np.testing.assert_array_equal(a.image0, b.image0)
+
+
+@pytest.mark.parametrize("trained_on", [{"overlap": 0.8}, {"overlap": 0.95}, {"spread": 1.0}])
+def test_validation_pairs_hang_on_nothing_that_is_trained_on(tmp_path, trained_on):
+    usual, other = ready(module(tmp_path)), ready(module(tmp_path, **trained_on))
+    assert other.validation_pairs() == usual.validation_pairs()
+    drawn = [[sampler.draw(0, index) for index in range(40)] for sampler in (usual.sampler, other.sampler)]
+    assert drawn[0] != drawn[1]
+
+
+def test_least_overlap_of_validation_pairs(tmp_path):
+    data = ready(module(tmp_path, val_overlap=0.95, val_pairs=10))
+    index = data._val_sampler().indexes
+    wide = ready(module(tmp_path, val_overlap=0.2, val_pairs=12))
+    assert len(data.val_choices) < len(wide.val_choices)
+    for _, choice in data.val_choices:
+        first, second = sorted((choice.index0, choice.index1))
+        assert index[choice.sequence].read().overlap(first)[second - first - 1] >= 0.95
+
+
+@pytest.mark.parametrize("key", ["overlap", "val_overlap"])
+def test_without_a_pair_the_key_is_named(tmp_path, key):
+    with pytest.raises(BadInputError, match=rf"ask for less overlap \(datamodule\.{key}\)"):
+        module(tmp_path, **{key: 1.5}).prepare_data()
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4, 7])
