@@ -26,7 +26,7 @@ from sips_lit.datasets.demo import demo_stills
 from sips_lit.datasets.virtual_flight import flights_over
 from sips_lit.describe.sift import RootSift
 from sips_lit.frames.video import VideoShot, video
-from sips_lit.inliers.klt import KltInliers
+from sips_lit.inliers.klt_retraced import RetracedKltInliers
 from sips_lit.pairs.build import build_indexes
 from sips_lit.pairs.index_file import index_path, save_index
 from sips_lit.pairs.index_run import index_recordings
@@ -109,7 +109,7 @@ def measure(root: Path, count: int) -> Measured:
 
     def started() -> tuple[float, TrainingPairs]:
         begin = time.perf_counter()
-        data = PairDataModule(video(part, root / "frames"), RootSift(), KltInliers(), root / "indexes")
+        data = PairDataModule(video(part, root / "frames"), RootSift(), RetracedKltInliers(), root / "indexes")
         data.prepare_data()
         data.setup("fit")
         pairs = TrainingPairs(data.sources, data.sampler, data.inliers, None, 10**6)

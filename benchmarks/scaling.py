@@ -33,6 +33,7 @@ import numpy as np
 import psutil
 import torch
 from tabulate import tabulate
+from threadpoolctl import threadpool_limits
 
 import sips_lit.train.loader
 import sips_lit.train.stream
@@ -42,7 +43,7 @@ from sips_lit.describe.sift import RootSift
 from sips_lit.detect.score_network import ScoreNetwork
 from sips_lit.detect.selection import PointSelector, SelectedPoints, image_tensor, logits_at
 from sips_lit.frames.video import video
-from sips_lit.inliers.klt import KltInliers
+from sips_lit.inliers.klt_retraced import RetracedKltInliers
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.datamodule import PairDataModule
 from sips_lit.train.dataset import PackedPairs, TrainingPairs, pack
@@ -52,6 +53,7 @@ from sips_lit.types import GreyImage, ImageSequence, Keypoints
 
 RATE = 30  # frames a second of the videos that are spoken of
 AGREES = 0.25  # how far measured pairs per second may be from those predicted
+BUSY = 8  # seconds that another training runs beside what is measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +111,9 @@ class Network:
 
 def prepared(path: Path, folder: Path) -> TrainingPairs:
     """The pairs that a training on the video draws."""
-    data = PairDataModule(video(path, folder / "frames"), RootSift(), KltInliers(), folder / "indexes", val_pairs=2)
+    data = PairDataModule(
+        video(path, folder / "frames"), RootSift(), RetracedKltInliers(), folder / "indexes", val_pairs=2
+    )
     data.prepare_data()
     data.setup("fit")
     return TrainingPairs(data.sources, data.sampler, data.inliers, Augmentation(), 10**6)
@@ -119,6 +123,7 @@ def one_thread() -> None:
     """Nothing but the workers that are counted runs beside the main thread, and workers do not make way for it."""
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
+    threadpool_limits(1, user_api="blas")
     for module in (sips_lit.train.loader, sips_lit.train.stream):
         module.step_back = lambda: None  # type: ignore[attr-defined]  # they would starve beside other programs
 
@@ -134,7 +139,7 @@ def measured_costs(pairs: TrainingPairs, network: Network, threads: int, count: 
         return result
 
     frames, pool = 0, ThreadPoolExecutor(threads)
-    label = partial(label_pair, descriptor=RootSift(), check=KltInliers(), parallel=pool.map, parts=threads)
+    label = partial(label_pair, descriptor=RootSift(), check=RetracedKltInliers(), parallel=pool.map, parts=threads)
     for index in range(-2, count):
         if not index:  # what is made at the first call is no cost of a pair
             spent, frames = dict.fromkeys(spent, 0.0), 0
@@ -154,7 +159,7 @@ def measured_costs(pairs: TrainingPairs, network: Network, threads: int, count: 
 def serve(path: Path, folder: Path, loading: int, labelling: int, network: Network) -> None:
     """Trains for as many seconds as a line of the input says, and prints pairs, seconds, and those of processors."""
     pairs = PackedPairs(prepared(path, folder))
-    loader = OneStepAhead(pairs, network.select, RootSift(), [KltInliers()], loading, labelling)
+    loader = OneStepAhead(pairs, network.select, RootSift(), [RetracedKltInliers()], loading, labelling)
     stream = iter(loader)
 
     def used() -> float:
@@ -326,7 +331,9 @@ def check(arguments: argparse.Namespace, path: Path, folder: Path, pairs: Traini
         assert set(trainer.heard()) == {"ready\n"}
     for _ in range(arguments.rounds):
         for learns, labelling in sorted({(trainer.learns, trainer.labelling) for trainer in trainers}):
+            trainers[0].say(str(BUSY))  # a pair costs more where the other cores are busy, as they are in a training
             costs, _ = measured_costs(pairs, networks[learns], labelling, 4 if learns else 12)
+            trainers[0].heard()
             measured[learns, labelling].append(costs)
         for trainer in trainers:
             trainer.turn(arguments.seconds)

@@ -21,7 +21,7 @@ from sips_lit.cli.app import fast_precision
 from sips_lit.describe.sift import RootSift
 from sips_lit.detect.score_network import Gradient, ScoreNetwork
 from sips_lit.detect.selection import PointSelector, image_tensor, logits_at
-from sips_lit.inliers.klt import KltInliers
+from sips_lit.inliers.klt_retraced import RetracedKltInliers
 from sips_lit.pairs.sampler import read_pair
 from sips_lit.train.augment import Augmentation
 from sips_lit.train.datamodule import PairDataModule
@@ -71,7 +71,7 @@ def network_time(network: ScoreNetwork, film: Film, gradient: Gradient, repeats:
 
 def labelling_time(network: ScoreNetwork, film: Film, pairs: list[tuple[int, int]]) -> float:
     """Descriptors, matches and tracks of the pairs that the training draws, one thread."""
-    selector, descriptor, check = PointSelector(), RootSift(), KltInliers()
+    selector, descriptor, check = PointSelector(), RootSift(), RetracedKltInliers()
     prepared = []
     for first, second in pairs:
         pair = read_pair(film, first, second)
@@ -91,7 +91,7 @@ def main() -> None:
         data = PairDataModule(
             [film],
             RootSift(),
-            KltInliers(),
+            RetracedKltInliers(),
             folder,
             [film],
             Augmentation(),

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any
 
 import torch
+from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from sips_lit.detect.selection import SelectedPoints, image_tensor
@@ -127,6 +128,9 @@ class OneStepAhead:
         at_once = min(self.pairs_per_step, self.labelling_workers)
         with (
             contextlib.closing(packed_pairs) as stream,
+            threadpool_limits(
+                1, user_api="blas"
+            ),  # OpenBLAS's threads wait busily for the next product of small arrays
             _pool(at_once) as coordinators,
             _pool(self.labelling_workers) as workers,
         ):

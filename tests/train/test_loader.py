@@ -9,6 +9,7 @@ import pytest
 import torch
 import torch.multiprocessing as mp
 from textured_scenes import flight
+from threadpoolctl import threadpool_info, threadpool_limits
 from train_stream import LENGTH, Learner, after_interruption, assert_same, loader, pairs_of, run
 
 from sips_lit.describe.sift import RootSift
@@ -170,6 +171,21 @@ def test_the_length_is_that_of_the_whole_stream_wherever_it_stands():
     run(stream, learner, 3)
     assert len(stream) == LENGTH
     assert len(loader(learner, first=1, stride=2)) == 3
+
+
+def blas_threads() -> set[int]:
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def test_products_of_labels_take_one_thread_while_there_are_pairs_to_label():
+    with threadpool_limits(2, user_api="blas"):
+        before, taken = blas_threads(), set()
+        learner = Learner()
+        for _ in loader(learner):
+            taken |= blas_threads()
+            learner.step()
+        assert taken == {1}
+        assert blas_threads() == before == {2}
 
 
 def test_an_empty_stream_selects_nothing():
