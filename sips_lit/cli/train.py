@@ -87,7 +87,7 @@ def train(config: DictConfig) -> float:
     best, auc = _best(trainer)
     if not trainer.is_global_zero:
         return auc
-    validated_on = write_record(config, data)
+    validated_on = write_record(config, data.validation_pairs())
     if trainer.global_step < trainer.max_steps:
         why = f"trainer.max_time={config.trainer.max_time}" if config.trainer.max_time else "a callback"
         print(f"{why} ended the run after {trainer.global_step} of {trainer.max_steps} steps: ckpt_path=last goes on")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,16 +11,15 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from sips_lit.files import make_folder, write_whole
-from sips_lit.train.validation_data import ValidationDataModule
 
 FILE: Final = "validation.yaml"
 """In the folder of a run: inliers needed, points at most, what verifies, and the pairs."""
 
 
-def write_record(config: DictConfig, data: ValidationDataModule) -> str:
-    """Writes it, once ``data`` is set up, and returns its digest."""
+def write_record(config: DictConfig, pairs: Sequence[str]) -> str:
+    """Writes it, with the names of the ``pairs``, and returns its digest."""
     plain: Any = OmegaConf.to_container(config, resolve=True)
-    record = {key: plain[key] for key in ("k", "n_max", "inliers")} | {"pairs": data.validation_pairs()}
+    record = {key: plain[key] for key in ("k", "n_max", "inliers")} | {"pairs": list(pairs)}
     folder = Path(config.paths.run)
     make_folder(folder)
     write_whole(folder / FILE, yaml.safe_dump(record, sort_keys=False).encode())

@@ -1,5 +1,4 @@
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -12,7 +11,7 @@ PAIRS = ["a_10to14:0-1 96x80", "a_10to14:3-1 96x80"]
 
 def digest(tmp_path, *overrides, pairs=PAIRS) -> str:
     config = config_of(tmp_path / "run", tmp_path, *overrides)
-    return write_record(config, SimpleNamespace(validation_pairs=lambda: pairs))
+    return write_record(config, pairs)
 
 
 def test_it_tells_what_the_score_is_of(tmp_path):
