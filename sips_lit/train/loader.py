@@ -128,9 +128,8 @@ class OneStepAhead:
         at_once = min(self.pairs_per_step, self.labelling_workers)
         with (
             contextlib.closing(packed_pairs) as stream,
-            threadpool_limits(
-                1, user_api="blas"
-            ),  # OpenBLAS's threads wait busily for the next product of small arrays
+            # OpenBLAS's other threads spin for some milliseconds after each product of small arrays
+            threadpool_limits(1, user_api="blas"),
             _pool(at_once) as coordinators,
             _pool(self.labelling_workers) as workers,
         ):
