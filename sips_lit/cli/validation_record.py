@@ -22,11 +22,16 @@ def write_record(config: DictConfig, pairs: Sequence[str]) -> str:
     record = {key: plain[key] for key in ("k", "n_max", "inliers")} | {"pairs": list(pairs)}
     folder = Path(config.paths.run)
     make_folder(folder)
-    write_whole(folder / FILE, yaml.safe_dump(record, sort_keys=False).encode())
-    return digest_in(folder) or ""
+    content = yaml.safe_dump(record, sort_keys=False).encode()
+    write_whole(folder / FILE, content)
+    return _digest(content)
 
 
 def digest_in(folder: Path) -> str | None:
     """Eight characters that differ where the records of two runs do; None for a folder without one."""
     file = folder / FILE
-    return hashlib.sha256(file.read_bytes()).hexdigest()[:8] if file.is_file() else None
+    return _digest(file.read_bytes()) if file.is_file() else None
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:8]
