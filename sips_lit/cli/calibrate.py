@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -193,22 +194,31 @@ def report(held: Sequence[HeldBack], recalibration: Recalibration, folder: Path)
     return files
 
 
-def error_rows(one: HeldBack, recalibration: Recalibration) -> list[list[str | int | float]]:
+Cell = str | int | float | None
+
+
+def _cells(*values: Cell) -> list[Cell]:
+    """A row; what is not known, NaN, is no cell's value."""
+    return [None if isinstance(value, float) and math.isnan(value) else value for value in values]
+
+
+def error_rows(one: HeldBack, recalibration: Recalibration) -> list[list[Cell]]:
     """A row for each budget."""
-    rows: list[list[str | int | float]] = []
+    rows = []
     for n in one.budgets:
         before, after = calibration_at(one.pairs, n), calibration_at(one.pairs, n, recalibration)
-        rows.append([one.title, n, before.points, before.share, before.mean, after.mean, before.ece, after.ece])
+        share, means, errors = before.share, (before.mean, after.mean), (before.ece, after.ece)
+        rows.append(_cells(one.title, n, before.points, share, *means, *errors))
     return rows
 
 
 COVERAGE_HEAD = ["points are", "asked", "observed", "images", "out of reach", "mean points", "best fixed n"]
 
 
-def coverage_rows(found: Mapping[str, Sequence[Coverage]]) -> list[list[str | int | float | None]]:
+def coverage_rows(found: Mapping[str, Sequence[Coverage]]) -> list[list[Cell]]:
     """A row for each probability that is asked for, with each way to see the points."""
     return [
-        [name, c.asked, c.observed, c.promised, c.out_of_reach, c.points, c.fixed]
+        _cells(name, c.asked, c.observed, c.promised, c.out_of_reach, c.points, c.fixed)
         for name, each in found.items()
         for c in each
     ]

@@ -8,10 +8,12 @@ import pytest
 from cli_runs import write_frames
 from textured_scenes import flight
 
+from sips_lit.cli.calibrate import coverage_rows
 from sips_lit.detect.budget import Budget
 from sips_lit.detect.checkpoint import load_checkpoint
 from sips_lit.detect.detector import SipsDetector
 from sips_lit.detect.recalibration import AS_TRAINED
+from sips_lit.metrics.coverage import coverage
 
 TINY = ["pairs=6", "k=4", "n_max=40", "calibration=[10,30]", "workers=1"]
 
@@ -127,3 +129,12 @@ def test_a_file_is_only_replaced_when_told(calibrate, mine):
 def test_values_that_are_refused(calibrate, mine, argument, reason):
     assert reason in calibrate(argument).sentence
     assert [path.name for path in mine.parent.iterdir()] == [mine.name]
+
+
+def test_what_no_image_promises_has_an_empty_cell():
+    inliers = np.array([[0, 1, 2], [0, 0, 1]])
+    out_of_reach, kept = coverage(0.9, [None, None], inliers, 1), coverage(0.5, [1, 2], inliers, 1)
+    assert coverage_rows({"as trained": [out_of_reach, kept]}) == [
+        ["as trained", 0.9, None, 0, 2, None, None],
+        ["as trained", 0.5, 1.0, 2, 0, 1.5, 2],
+    ]
