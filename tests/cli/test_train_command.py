@@ -90,7 +90,7 @@ def test_sigterm_to_the_whole_group_saves_and_exits_with_143(process, frames, fo
         time.sleep(0.05)
     code, out = ended(child)
     assert code == 143, out
-    assert "Traceback" not in out
+    assert "Traceback" not in out, out
     step = re.search(r"error: stopped at step (\d+) and saved", out)
     assert step is not None, out
     assert torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == int(step[1]) >= 2

@@ -56,6 +56,8 @@ class ForkedCommand(CONTEXT.Process):  # type: ignore[name-defined, misc]
 
 
 def run(folder: Path, log: Path, environment: dict[str, str], ranks: int, name: str, argv: list[str]) -> None:
+    # loading workers as a user's: this process has the server's way of starting others, and they would not be its children
+    multiprocessing.set_start_method(multiprocessing.get_all_start_methods()[0], force=True)
     os.setsid()
     os.chdir(folder)
     os.environ.update(environment)
