@@ -1,18 +1,55 @@
+import copy
+import gc
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import once_a_run
 import pytest
 import torch
+from omegaconf import OmegaConf
 from own_dataset import write_package
 from textured_scenes import ArraySequence, flight
+
+
+@pytest.fixture(scope="session", autouse=True)
+def configurations_parsed_once() -> Iterator[None]:
+    """A composition reads some twenty files, again and again for each of them: two fifths of its time."""
+    load, parsed = OmegaConf.load, {}
+
+    def load_once(file):
+        path = Path(getattr(file, "name", file))
+        if not path.is_absolute():
+            return load(file)
+        state = path.stat()
+        key = path, state.st_ino, state.st_size, state.st_mtime_ns
+        if key not in parsed:
+            parsed[key] = load(file)
+        return copy.deepcopy(parsed[key])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(OmegaConf, "load", staticmethod(load_once))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def modules_are_not_collected() -> None:
+    """What is loaded by now stays until the end: each search of it for garbage is in vain."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
 def one_thread() -> None:
     """Networks this small lose time to threads, and the tests run in two processes."""
     torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def what_is_made_once(tmp_path_factory, worker_id) -> None:
+    """Processes of one run have their folders in the same one."""
+    once_a_run.folder = None if worker_id == "master" else tmp_path_factory.getbasetemp().parent
 
 
 @pytest.fixture(scope="session")

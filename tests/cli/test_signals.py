@@ -51,7 +51,7 @@ def test_a_command_gives_sigterm_back(sigterm):
 def test_a_reader_that_has_seen_enough_is_no_error(given):
     name, *arguments = given
     child = subprocess.Popen(
-        [sys.executable, "-c", f"from sips_lit.cli.{name} import main; main()", *arguments],
+        [sys.executable, "-c", f"from sips_lit.cli.start import {name}; {name}()", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )

@@ -117,7 +117,7 @@ def test_flights_vary():
 def test_overlap_reaches_far_enough():
     reach = [
         np.median(measure_overlap(flight, OverlapParameters(spacing=48)).reach(0.3))
-        for flight in flights(20, 80, size=(480, 360))
+        for flight in flights(10, 80, size=(480, 360))
     ]
     assert np.mean(np.array(reach) >= 15) >= 0.9
 

@@ -1,4 +1,4 @@
-"""Exported models of a tiny network, made once for all tests of a process: torch.export and the translation are slow."""
+"""Exported models of a tiny network, made once for all tests of a run: torch.export and the translation are slow."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from once_a_run import once_a_run
 from tiny_network import tiny_network
 from torch.export import ExportedProgram
 
@@ -47,7 +48,7 @@ def program(name: str, image_type: str) -> ExportedProgram:
 
 @functools.cache
 def onnx_of(name: str, image_type: str) -> bytes:
-    return onnx_bytes(program(name, image_type), model_of(name))
+    return once_a_run(f"{name}_{image_type}.onnx", lambda: onnx_bytes(program(name, image_type), model_of(name)))
 
 
 @functools.cache
@@ -56,8 +57,10 @@ def exported(name: str, kind: str, image_type: str = "float32") -> tuple[dict[st
     for package in NEEDS[kind].packages:
         pytest.importorskip(package, reason=f"{package} is missing: pip install 'sips_lit[export]'")
     if kind == "torch_export":
-        files = {".pt2": program_bytes(program(name, image_type), model_of(name))}
-        return files, run_program(files[".pt2"])
+        content = once_a_run(
+            f"{name}_{image_type}.pt2", lambda: program_bytes(program(name, image_type), model_of(name))
+        )
+        return {".pt2": content}, run_program(content)
     if kind == "onnx":
         return {".onnx": onnx_of(name, image_type)}, run_onnx(onnx_of(name, image_type))
     xml, weights = openvino_bytes(onnx_of(name, image_type))
