@@ -1,5 +1,6 @@
 import copy
 import gc
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -47,9 +48,10 @@ def one_thread() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def what_is_made_once(tmp_path_factory, worker_id) -> None:
-    """Processes of one run have their folders in the same one."""
-    once_a_run.folder = None if worker_id == "master" else tmp_path_factory.getbasetemp().parent
+def what_is_made_once(tmp_path_factory) -> None:
+    """Processes of one run have their folders in the same one. By no fixture of xdist: mutants are tested without plugins."""
+    several = "PYTEST_XDIST_WORKER" in os.environ
+    once_a_run.folder = tmp_path_factory.getbasetemp().parent if several else None
 
 
 @pytest.fixture(scope="session")

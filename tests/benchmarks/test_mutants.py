@@ -1,4 +1,6 @@
 import runpy
+import subprocess
+import sys
 
 from cli_runs import ROOT
 
@@ -17,3 +19,10 @@ def test_every_mutant_fits_the_package_as_it_is():
 def test_every_mutant_has_tests_that_are_there():
     tests = {test for each in read_tables() for test in each.tests}
     assert not [test for test in sorted(tests) if not (ROOT / "tests" / test).exists()]
+
+
+def test_one_is_killed_by_tests_that_pass_without_it():
+    """Its tests run without plugins of pytest: fixtures that need one would fail them all."""
+    command = [sys.executable, "benchmarks/mutants.py", "--only", "detect/turns.py: the last turn counts"]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert "1 killed, 0 survived, 0 broken of 1 mutants" in ended.stdout, ended.stdout + ended.stderr
