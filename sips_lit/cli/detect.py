@@ -38,7 +38,8 @@ class DetectOptions:
     nms_radius: int | None
     border: int | None
     octaves: int | None
-    first_octave: int | None
+    first_octave: float | None
+    octave_step: float | None
     corners: float | None
     fine_corners: float | None
     whole_below: int | None
@@ -62,6 +63,7 @@ def detect(config: DictConfig) -> None:
         border=options.border,
         octaves=options.octaves,
         first_octave=options.first_octave,
+        octave_step=options.octave_step,
         corners=options.corners,
         fine_corners=options.fine_corners,
         whole_below=options.whole_below,

@@ -43,7 +43,8 @@ class ExportOptions:
     nms_radius: int | None
     border: int | None
     octaves: int | None
-    first_octave: int | None
+    first_octave: float | None
+    octave_step: float | None
     corners: float | None
     fine_corners: float | None
     whole_below: int | None
@@ -137,6 +138,7 @@ def asked_detector(options: ExportOptions) -> SipsDetector:
         border=options.border,
         octaves=options.octaves,
         first_octave=options.first_octave,
+        octave_step=options.octave_step,
         corners=options.corners,
         fine_corners=options.fine_corners,
         whole_below=0 if any_size else options.whole_below,  # a program's operations do not depend on a free size

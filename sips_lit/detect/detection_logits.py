@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
@@ -9,7 +10,7 @@ from typing import Final
 from torch import Tensor
 
 from sips_lit.detect.corners import corner_strength
-from sips_lit.detect.octaves import mean_over_octaves
+from sips_lit.detect.octaves import OCTAVE_STEPS, mean_over_octaves
 
 # a damaged checkpoint may ask for any number
 MOST_OCTAVES: Final = 8
@@ -21,9 +22,9 @@ class Detection:
     """How points are detected, which training knows nothing of; by default as a network learns.
 
     ``octaves``: how many a pixel's logit is the mean of; ``first_octave``: the largest of them, 0 the image, 1 half of it,
-    which takes a quarter of the time; ``corners``: weight of how much of a corner there is around a pixel, and
-    ``fine_corners`` close around it, which says where a point is that was found in half of the image (see
-    `sips_lit.detect.corners`).
+    which takes a quarter of the time; ``octave_step``: from each to the next, 0.5 for those between, too (0.5 is two thirds
+    of the image); ``corners``: weight of how much of a corner there is around a pixel, and ``fine_corners`` close around
+    it, which says where a point is that was found in a smaller image (see `sips_lit.detect.corners`).
 
     ``whole_below``: an image of fewer pixels (H x W) is scored from itself on (see `of`): half of it is too little to see,
     and all of it is soon scored. 0: none is (our choice).
@@ -32,7 +33,8 @@ class Detection:
     """
 
     octaves: int = 1
-    first_octave: int = 0
+    first_octave: float = 0
+    octave_step: float = 1
     corners: float = 0.0
     fine_corners: float = 0.0
     whole_below: int = 0
@@ -40,8 +42,11 @@ class Detection:
     def __post_init__(self) -> None:
         if self.octaves not in range(1, MOST_OCTAVES + 1):
             raise ValueError(f"a score network sees 1 to {MOST_OCTAVES} octaves, not {self.octaves}")
-        if self.first_octave not in range(MOST_OCTAVES):
-            raise ValueError(f"the first octave is 0 (the image) to {MOST_OCTAVES - 1}, not {self.first_octave}")
+        if self.octave_step not in OCTAVE_STEPS:
+            raise ValueError(f"octave_step is 1 or 0.5, not {self.octave_step}")
+        last = MOST_OCTAVES - 1
+        if not 0 <= self.first_octave <= last or self.first_octave % 0.5:
+            raise ValueError(f"the first octave is 0 (the image) to {last}, in steps of 0.5, not {self.first_octave}")
         for name, weight in (("corners", self.corners), ("fine_corners", self.fine_corners)):
             if not 0 <= weight <= MOST_OF_CORNERS:
                 raise ValueError(f"{name} weigh 0 to {MOST_OF_CORNERS}, not {weight}")
@@ -56,14 +61,14 @@ class Detection:
         """
         if self.first_octave == 0 or self.whole_below == 0 or height * width >= self.whole_below:
             return self
-        octaves = min(self.first_octave + self.octaves, MOST_OCTAVES)
-        return replace(self, octaves=octaves, first_octave=0, fine_corners=0.0)
+        more = math.ceil(self.first_octave / self.octave_step)
+        return replace(self, octaves=min(self.octaves + more, MOST_OCTAVES), first_octave=0, fine_corners=0.0)
 
 
 def detection_logits(logits_of: Callable[[Tensor], Tensor], image: Tensor, by: Detection) -> Tensor:
     """Logits (B, 1, H, W) of images (B, 1, H, W): the mean over octaves, and what ``by`` adds for corners."""
     by = by.of(image.shape[-2], image.shape[-1])
-    logits = mean_over_octaves(logits_of, image, by.octaves, by.first_octave)
+    logits = mean_over_octaves(logits_of, image, by.octaves, by.first_octave, by.octave_step)
     if by.corners or by.fine_corners:
         logits = logits + corner_strength(image, by.corners, by.fine_corners)
     return logits

@@ -75,7 +75,8 @@ class SipsDetector(BaseDetector):
         border: int | None = None,
         octaves: int | None = None,
         corners: float | None = None,
-        first_octave: int | None = None,
+        first_octave: float | None = None,
+        octave_step: float | None = None,
         fine_corners: float | None = None,
         whole_below: int | None = None,
     ) -> SipsDetector:
@@ -85,8 +86,9 @@ class SipsDetector(BaseDetector):
         points on so many pixels along the border (on small images a sixteenth of the shorter side); ``scales``:
         levels of the image pyramid, for cameras that come nearer and turn, which a network trained on one level takes, too;
         ``octaves``: how many are scored together, ``first_octave``: 0 from the image on, 1 from half of it on, which takes a
-        quarter of the time; ``corners``: weight of how much of a corner there is around a point (`sips_lit.detect.corners`),
-        ``fine_corners``: of the same close around it, which says where a point of half the image is; 0: without;
+        quarter of the time, 0.5 from two thirds on; ``octave_step``: 1, or 0.5 for those between, too; ``corners``: weight
+        of how much of a corner there is around a point (`sips_lit.detect.corners`), ``fine_corners``: of the same close
+        around it, which says where a point of a smaller image is; 0: without;
         ``whole_below``: images of fewer pixels are scored from the image itself on, whatever ``first_octave`` is.
         None: those of the file. ``runtime``: what executes the network, torch, onnxruntime, openvino or auto (the fastest
         that is installed for each image size, so last digits may differ from run to run); ``precision``: 32 or bf16.
@@ -100,6 +102,7 @@ class SipsDetector(BaseDetector):
                 scales=scales,
                 octaves=octaves,
                 first_octave=first_octave,
+                octave_step=octave_step,
                 corners=corners,
                 fine_corners=fine_corners,
                 whole_below=whole_below,

@@ -33,11 +33,11 @@ class ScoreNetwork(nn.Module):
     and ``width`` in the second, each followed by a leaky ReLU. The last bias starts at ``start_bias`` (our choice). With
     ``scales > 1`` the same weights run on a pyramid with factor ``scale_factor`` (see `sips_lit.detect.selection`). With
     ``derivatives`` the first layer gets `derivative_channels` instead of the grey image alone (the paper's), and the
-    receptive field grows by a pixel to each side. ``octaves``, ``first_octave``, ``corners``, ``fine_corners`` and
-    ``whole_below`` say how a call makes the logits by which points are detected (see `sips_lit.detect.detection_logits`);
-    what it learns from is the logit of the image alone, without corners. With ``covariance`` a second last layer,
-    ``covariance_head``, gives three numbers a pixel of which `sips_lit.detect.covariance` makes the covariance of a point's
-    place; logits stay what they are.
+    receptive field grows by a pixel to each side. ``octaves``, ``first_octave``, ``octave_step``, ``corners``,
+    ``fine_corners`` and ``whole_below`` say how a call makes the logits by which points are detected (see
+    `sips_lit.detect.detection_logits`); what it learns from is the logit of the image alone, without corners. With
+    ``covariance`` a second last layer, ``covariance_head``, gives three numbers a pixel of which
+    `sips_lit.detect.covariance` makes the covariance of a point's place; logits stay what they are.
 
     Each octave is padded once by ``radius`` replicated pixels, then every convolution is a valid one: its logit of a pixel
     depends on exactly the (2 radius + 1)^2 pixels around it, and the same numbers come out of a dense pass and of patches.
@@ -56,7 +56,8 @@ class ScoreNetwork(nn.Module):
         derivatives: bool = False,
         octaves: int = 1,
         corners: float = 0.0,
-        first_octave: int = 0,
+        first_octave: float = 0,
+        octave_step: float = 1,
         fine_corners: float = 0.0,
         whole_below: int = 0,
         covariance: bool = False,
@@ -71,7 +72,7 @@ class ScoreNetwork(nn.Module):
                 f"a pyramid needs 1 to {MOST_SCALES} scales and a scale_factor above 1 and up to {LARGEST_FACTOR}, not "
                 f"{scales} and {scale_factor}"
             )
-        self.detection = Detection(octaves, first_octave, corners, fine_corners, whole_below)
+        self.detection = Detection(octaves, first_octave, octave_step, corners, fine_corners, whole_below)
         self.config: dict[str, Any] = {
             "depth": depth,
             "width": width,

@@ -277,9 +277,10 @@ def test_a_digest_tells_the_weights_and_what_the_network_makes_of_them():
         digest_of(tiny_network(octaves=2)),
         digest_of(tiny_network(corners=0.5)),
         digest_of(tiny_network(first_octave=1)),
+        digest_of(tiny_network(octaves=2, octave_step=0.5)),
         digest_of(tiny_network(fine_corners=0.5)),
     ]
-    assert len({*digests, digest_of(tiny_network())}) == 7
+    assert len({*digests, digest_of(tiny_network())}) == 8
 
 
 @pytest.mark.parametrize("suffix", [".ckpt", ".safetensors"])

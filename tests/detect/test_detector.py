@@ -290,6 +290,10 @@ def test_other_suppression_and_more_scales_than_the_checkpoint_has(tmp_path):
     halved = SipsDetector.from_checkpoint(path, first_octave=1, fine_corners=0.5)
     same(halved(GREY), SipsDetector(tiny_network(first_octave=1, fine_corners=0.5), PointSelector(3))(GREY))
     assert not np.array_equal(halved(GREY).xy, SipsDetector.from_checkpoint(path, first_octave=1)(GREY).xy)
+    between = SipsDetector.from_checkpoint(path, octaves=2, first_octave=0.5, octave_step=0.5)
+    same(
+        between(GREY), SipsDetector(tiny_network(octaves=2, first_octave=0.5, octave_step=0.5), PointSelector(3))(GREY)
+    )
     small = SipsDetector.from_checkpoint(path, first_octave=1, fine_corners=0.5, whole_below=GREY.size + 1)
     same(small(GREY), SipsDetector.from_checkpoint(path, octaves=2)(GREY))
     with pytest.raises(BadInputError, match="nms_radius is -1"):

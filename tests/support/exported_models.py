@@ -34,8 +34,12 @@ SIZES = [(120, 160), (97, 131), (1, 40), (5, 3), (2, 2), (1, 1)]
 
 
 def model_of(name: str) -> DenseMap | TopPoints:
-    half = {"first_octave": 1, "fine_corners": 0.25} if name == "best" else {"octaves": 2}
-    network = tiny_network(derivatives=True, corners=0.5, covariance=name == "enough", **half)
+    octaves = {
+        "map": {"octaves": 2, "first_octave": 0.5, "octave_step": 0.5},
+        "best": {"first_octave": 1, "fine_corners": 0.25},
+        "enough": {"octaves": 2},
+    }
+    network = tiny_network(derivatives=True, corners=0.5, covariance=name == "enough", **octaves[name])
     if network.covariance_head is not None:
         torch.nn.init.normal_(network.covariance_head.weight, std=0.05, generator=torch.Generator().manual_seed(0))
     return DenseMap(network, RECALIBRATED) if name == "map" else TopPoints(network, RECALIBRATED, BUDGETS[name])
