@@ -49,7 +49,7 @@ def one_thread() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def what_is_made_once(tmp_path_factory) -> None:
-    """Processes of one run have their folders in the same one. By no fixture of xdist: mutants are tested without plugins."""
+    """Processes of one run have their folders in the same one. By no fixture of xdist: mutants have no plugins."""
     several = "PYTEST_XDIST_WORKER" in os.environ
     once_a_run.folder = tmp_path_factory.getbasetemp().parent if several else None
 
