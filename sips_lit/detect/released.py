@@ -11,7 +11,7 @@ from sips_lit.errors import BadInputError
 WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the files, each with its model card."""
 SHA256: Final = {
-    "sips-small": "f9ca6b3254e85db09e406ea17d4773d488cba305c06217e73514aca4dad3f927",
+    "sips-small": "63e6ac3dfb4f8ae0adef86dae838c0bdc82bc07b88b0ca7a34e2a35a24365e01",
     "sips-tiny": "b9e4e222ce548d8f7c8252ca547983a87896bed1527d1db14bcc32cd3fafb3cb",
 }
 """Names, with the hash of ``<name>.safetensors``."""

@@ -50,13 +50,16 @@ def test_the_default_is_taken_by_name_and_by_path():
     assert SipsDetector.from_pretrained(scales=3).network.scales == 3
 
 
-def test_tiny_sees_half_of_an_image_and_all_of_a_small_one():
+@pytest.mark.parametrize(("name", "first", "octaves"), [("sips-tiny", 1, 2), ("sips-small", 0.5, 3)])
+def test_they_see_less_than_an_image_and_all_of_a_small_one(name, first, octaves):
     ((_, image),) = demo_stills(["brick"])
-    tiny, whole = SipsDetector.from_pretrained("sips-tiny"), {"octaves": 2, "first_octave": 0, "fine_corners": 0}
+    as_released = SipsDetector.from_pretrained(name)
+    assert as_released.network.detection.first_octave == first
+    whole = {"octaves": octaves, "first_octave": 0, "fine_corners": 0}
     for part, options in ((image, {"whole_below": 0}), (image[:240, :320], whole)):
-        expected = SipsDetector.from_pretrained("sips-tiny", **options)(part)
-        np.testing.assert_array_equal(tiny(part).xy, expected.xy)
-    assert not np.array_equal(tiny(image).xy, SipsDetector.from_pretrained("sips-tiny", **whole)(image).xy)
+        expected = SipsDetector.from_pretrained(name, **options)(part)
+        np.testing.assert_array_equal(as_released(part).xy, expected.xy)
+    assert not np.array_equal(as_released(image).xy, SipsDetector.from_pretrained(name, **whole)(image).xy)
 
 
 def test_altered_or_missing_weights_are_refused(tmp_path, monkeypatch):
