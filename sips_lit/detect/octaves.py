@@ -79,9 +79,8 @@ def two_thirds(image: Tensor) -> Tensor:
 
 def enlarged(logits: Tensor, octave: float, size: tuple[int, int]) -> Tensor:
     """Logits (B, 1, h, w) of an octave (0 = the image) between its pixels, for an image of ``size`` (H, W)."""
-    if octave != int(
-        octave
-    ):  # 2 x 2 become 3 x 3; in fractions, as a factor of 1.5 is rounded otherwise by each runtime
+    if octave != int(octave):
+        # 2 x 2 become 3 x 3, in fractions: a factor of 1.5 is rounded otherwise by each runtime
         between = [[1 / 6, 5 / 6, 0, 0], [0, 1 / 2, 1 / 2, 0], [0, 0, 5 / 6, 1 / 6]]
         logits = _blocks(F.pad(logits, (1, 1, 1, 1), mode="replicate"), between, stride=2)
     if octave >= 1:
