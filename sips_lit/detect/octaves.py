@@ -36,9 +36,7 @@ def mean_over_octaves(
     for octave in counted:
         level = levels[int(octave)]
         parts.append(enlarged(logits_of(level if octave == int(octave) else two_thirds(level)), octave, size))
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
+    total = sum(parts[1:], parts[0])
     return total / octaves if octaves > 1 else total
 
 

@@ -41,10 +41,7 @@ def test_a_small_image_is_scored_whole_down_to_the_same_octave(size):
     [
         (Detection(2, 0.5, 0.5), Detection(3, 0, 0.5)),  # two thirds and half: the image, too
         (Detection(1, 1.5, 0.5), Detection(4, 0, 0.5)),
-        (
-            Detection(1, 0.5, 1),
-            Detection(2, 0, 1),
-        ),  # the image and half of it, as two thirds are not among whole octaves
+        (Detection(1, 0.5, 1), Detection(2, 0, 1)),  # half of it, too: two thirds are not among whole octaves
     ],
 )
 def test_so_is_one_that_begins_between_octaves(asked, whole):

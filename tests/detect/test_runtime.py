@@ -31,6 +31,7 @@ def _nothing_measured(monkeypatch):
         {"width": 10, "octaves": 2, "first_octave": 0.5, "octave_step": 0.5},
         {"width": 8, "derivatives": True, "first_octave": 1, "corners": 0.5, "fine_corners": 0.25},
         {"width": 8, "first_octave": 1, "fine_corners": 0.25, "whole_below": 1000},
+        {"width": 10},
     ],
 )
 def test_all_runtimes_give_the_logits_of_the_network(options):

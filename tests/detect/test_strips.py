@@ -25,6 +25,7 @@ def _low_strips(monkeypatch):
         {"width": 10, "octaves": 2, "first_octave": 0.5, "octave_step": 0.5},
         {"width": 8, "derivatives": True, "first_octave": 1, "corners": 0.5, "fine_corners": 0.25},
         {"width": 8, "derivatives": True, "first_octave": 1, "fine_corners": 0.25, "whole_below": 1_000_000},
+        {"width": 10},
     ],
 )
 @pytest.mark.parametrize("shape", [(1, 1, 97, 131), (2, 1, 60, 50), (1, 1, 5, 3), (1, 1, 1, 1)])

@@ -12,6 +12,7 @@ from sips_lit.export.logits import LogitsOfImage
         {"width": 10, "octaves": 2, "first_octave": 0.5, "octave_step": 0.5},
         {"width": 8, "derivatives": True, "first_octave": 1, "corners": 0.5, "fine_corners": 0.25},
         {"width": 4},
+        {"width": 10},
     ],
 )
 @pytest.mark.parametrize("shape", [(1, 1, 48, 64), (2, 1, 47, 61), (1, 1, 5, 3), (1, 1, 1, 1)])
