@@ -96,6 +96,8 @@ def pytest_in(folder: Path, tests: tuple[str, ...]) -> None:
     os.chdir(folder)
     sys.path.insert(0, str(folder))
     os.environ["PYTHONPATH"] = str(folder)  # for commands that tests start
+    for name in ("PYTEST_ADDOPTS", "PYTEST_PLUGINS"):  # options of plugins that are not loaded
+        os.environ.pop(name, None)
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # finding and loading plugins takes longer than the tests
     gc.freeze()  # pytest collects garbage twice at its end: the libraries are none
     for stream in (1, 2):

@@ -21,8 +21,10 @@ def test_every_mutant_has_tests_that_are_there():
     assert not [test for test in sorted(tests) if not (ROOT / "tests" / test).exists()]
 
 
-def test_one_is_killed_by_tests_that_pass_without_it():
-    """Its tests run without plugins of pytest: fixtures that need one would fail them all."""
+def test_one_is_killed_by_tests_that_pass_without_it(monkeypatch):
+    """Its tests run without plugins of pytest: fixtures or options that need one would fail them all."""
+    monkeypatch.setenv("PYTEST_ADDOPTS", "--cov")  # as CI has it
+    monkeypatch.setenv("PYTEST_PLUGINS", "pytest_cov")
     command = [sys.executable, "benchmarks/mutants.py", "--only", "detect/turns.py: the last turn counts"]
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert "1 killed, 0 survived, 0 broken of 1 mutants" in ended.stdout, ended.stdout + ended.stderr
