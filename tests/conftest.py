@@ -1,4 +1,5 @@
 import copy
+import functools
 import gc
 import os
 import subprocess
@@ -31,6 +32,28 @@ def configurations_parsed_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(OmegaConf, "load", staticmethod(load_once))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def translators_are_not_traced() -> Iterator[None]:
+    """Coverage doubles the time of these, which call thousands of functions of their own, and few of the package."""
+
+    def untraced(function):
+        @functools.wraps(function)
+        def call(*arguments, **options):
+            tracer = sys.gettrace()
+            sys.settrace(None)
+            try:
+                return function(*arguments, **options)
+            finally:
+                sys.settrace(tracer)
+
+        return call
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (torch.export, torch.onnx):
+            patch.setattr(module, "export", untraced(module.export))
         yield
 
 
