@@ -243,6 +243,16 @@ def test_labels_by_klt_and_averaged_weights_where_they_are_wanted(choices, avera
     assert config.inliers._target_.startswith(f"sips_lit.inliers.{inliers}.")
 
 
+def test_what_is_searched_is_the_recipe_of_released_weights():
+    """But for what a search of kinds left out has of its own: kinds, steps, and what validation costs."""
+    released, searched = (composed("train", f"experiment={name}", "root=x") for name in ("released", "recipe_search"))
+    del searched.callbacks.pictures, released.callbacks.pictures
+    searched.data.without = []
+    shared = "data", "optim", "callbacks", "module", "model", "inliers", "descriptor", "augment"
+    assert {name: searched[name] for name in shared} == {name: released[name] for name in shared}
+    assert searched.datamodule.overlap == released.datamodule.overlap
+
+
 def test_every_target_is_ours_or_of_what_we_depend_on():
     for path in CONF_DIR.rglob("*.yaml"):
         for line in path.read_text().splitlines():
