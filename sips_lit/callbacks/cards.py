@@ -101,6 +101,10 @@ CARDS: Final[dict[str, Card]] = {
         "3_labels/inlier_rate/",
         "Share of inliers on pairs of this source. Near 0: its frames, order or poses don't fit.",
     ),
+    "source_weight/": Card(
+        "3_labels/source_weight/",
+        "What pairs of this source count in the loss where module.focus lets that follow the training. 1: as configured.",
+    ),
     "train/points": Card("3_labels/points", "Points that were selected in both images of a pair together."),
     "time/decode": Card("4_time/decode", "Milliseconds in which a loading worker read and augmented the pair."),
     "time/describe": Card(
@@ -155,6 +159,7 @@ LAYOUT: Final = {
         "Loss": ["2_train/loss", "2_train/excess_loss"],
         "What becomes of the points": ["3_labels/(inlier|unmatched|lost|far)$"],
         "Inliers by source": ["3_labels/inlier_rate/.*"],
+        "Weight by source": ["3_labels/source_weight/.*"],
         "Time of a step": ["4_time/(select|forward|backward|wait_decode|wait_labels)$"],
         "Time beside the network": ["4_time/(decode|describe|match|track)$"],
     },

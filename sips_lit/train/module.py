@@ -22,6 +22,7 @@ from sips_lit.train.gradient_route import RememberedCosts, RouteCosts, measured_
 from sips_lit.train.loader import LabelledPair
 from sips_lit.train.loss import consistency_loss, constant_loss, inlierness_loss, ranking_loss
 from sips_lit.train.score_module import ScoreModule
+from sips_lit.train.source_focus import Focus, SourceFocus
 from sips_lit.types import GreyImage, Reason
 
 
@@ -40,9 +41,10 @@ class SipsModule(ScoreModule):
     labelled are selected by a teacher, whose weights are the exponential mean of the network's over the steps with that
     decay (our choice); ``gradient``: see `ScoreNetwork.at`, or ``auto``, the route that takes less time by what both were
     once measured to cost, which ``gradient_costs`` remembers (a file; None: the run alone); ``pairs_at_once``: how many
-    pairs of a step the network sees together, whose activations are in memory together, too; the others: see `ScoreModule`.
+    pairs of a step the network sees together, whose activations are in memory together, too; ``focus``: what the weights
+    of the sources follow (`SourceFocus`), None: nothing, they are as configured; the others: see `ScoreModule`.
     Raises BadInputError for a negative weight or ``beta``, for a decay that is not from 0 to less than 1, for another
-    ``gradient``, for ``pairs_at_once`` below 1, and at the start of a run whose steps have fewer pairs.
+    ``gradient`` or ``focus``, for ``pairs_at_once`` below 1, and at the start of a run whose steps have fewer pairs.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class SipsModule(ScoreModule):
         gradient_costs: str | Path | None = None,
         pairs_at_once: int = 1,
         compiled: bool = False,
+        focus: Focus | None = None,
     ) -> None:
         if not 0 <= teacher_decay < 1:
             raise BadInputError(f"teacher_decay of the module is {teacher_decay:g}: give 0, or more and less than 1")
@@ -77,7 +80,13 @@ class SipsModule(ScoreModule):
             raise BadInputError(f"pairs_at_once of the module counts pairs, from 1, and is {pairs_at_once}")
         if gradient not in (*get_args(Gradient), "auto"):
             raise BadInputError(f"gradient of the module is {gradient}: give patches, dense or auto")
+        if focus not in (None, *get_args(Focus)):
+            raise BadInputError(f"focus of the module is {focus}: give difficulty or progress, or null for neither")
         self.gradient, self.pairs_at_once, self.compiled = gradient, pairs_at_once, compiled
+        self.focus: Focus | None = focus
+        self._source_focus: SourceFocus | None = None
+        self._stored_focus: dict[str, Any] = {}
+        self._losses_of_step: list[tuple[str, Tensor]] = []
         self._remembered = RememberedCosts(None if gradient_costs is None else Path(gradient_costs))
         self._costs: dict[str, RouteCosts] = {}
         self._held: list[LabelledPair] = []
@@ -90,10 +99,21 @@ class SipsModule(ScoreModule):
         return self._select(self.selector.anywhere, OneOctave(cast(ScoreNetwork, self.teacher.module)), images)
 
     def optimizer_step(self, *args: Any, **kwargs: Any) -> None:
-        """The teacher follows the network at once: a checkpoint of the step holds both."""
+        """The teacher and the weights of the sources follow the network at once: a checkpoint of the step holds all."""
         super().optimizer_step(*args, **kwargs)
         if self.teacher is not None:
             self.teacher.update_parameters(self.network)
+        if self._source_focus is not None:
+            self._source_focus.learn(self._mean_losses(list(self._source_focus.odds)))
+
+    def _mean_losses(self, sources: Sequence[str]) -> dict[str, float]:
+        """Of the step's pairs by source, those of all processes; without the sources that it has no pair of."""
+        sums = torch.zeros(2, len(sources), dtype=torch.float64, device=self.device)
+        for source, loss in self._losses_of_step:
+            sums[:, sources.index(source)] += torch.stack([loss, torch.ones_like(loss)])
+        self._losses_of_step = []
+        totals, counts = self.trainer.strategy.reduce(sums, reduce_op="sum").tolist()
+        return {name: total / n for name, total, n in zip(sources, totals, counts, strict=True) if n}
 
     def on_fit_start(self) -> None:
         """Raises BadInputError where a step has fewer pairs than the network is to see at once."""
@@ -103,6 +123,12 @@ class SipsModule(ScoreModule):
                 f"module.pairs_at_once is {self.pairs_at_once}, but a step has trainer.accumulate_grad_batches={pairs} "
                 "pairs: lower the one or raise the other"
             )
+        if self.focus is not None:
+            odds: dict[str, float] = {}
+            for source in self.data.sources:
+                odds[source.name] = odds.get(source.name, 0.0) + source.weight
+            self._source_focus = SourceFocus(self.focus, odds)
+            self._source_focus.load_state_dict(self._stored_focus)
 
     def training_step(self, pair: LabelledPair, batch_idx: int) -> Tensor:
         """Summed loss over the points of both images, and over their matches, of the pairs that the network sees at once.
@@ -121,7 +147,19 @@ class SipsModule(ScoreModule):
         for name in losses[0].told:
             mean = torch.stack([loss.told[name] for loss in losses]).mean()
             self.log(f"train/{name}", mean, prog_bar=name == "loss", batch_size=1)
-        return torch.stack([loss.total for loss in losses]).sum()
+        totals = [loss.total * self._weight(held, loss) for held, loss in zip(pairs, losses, strict=True)]
+        return torch.stack(totals).sum()
+
+    def _weight(self, pair: LabelledPair, loss: _Loss) -> float:
+        """What the loss of a pair counts by its source, which learns of the loss at the end of the step."""
+        if self._source_focus is None:
+            return 1.0
+        source = self.data.sources[pair.source].name
+        if len(_known_reasons(pair)):
+            self._losses_of_step.append((source, loss.told["loss"].double()))
+        weight = self._source_focus[source]
+        self.log(f"source_weight/{source}", weight, batch_size=1)
+        return weight
 
     def _route(self, images: Sequence[Tensor], points: Sequence[SelectedPoints]) -> Gradient:
         if self.gradient != "auto":
@@ -139,12 +177,15 @@ class SipsModule(ScoreModule):
         return self._costs[of].faster(images, points)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """What routes of the gradient cost: a run that goes on from it takes the same ones."""
+        """What routes of the gradient cost, and what sources weigh: a run that goes on from it takes the same ones."""
         checkpoint["gradient_costs"] = {of: asdict(costs) for of, costs in self._costs.items()}
+        if self._source_focus is not None:
+            checkpoint["source_focus"] = self._source_focus.state_dict()
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """See `ScoreModule`; and the costs that the run went by."""
+        """See `ScoreModule`; and the costs and the losses of sources that the run went by."""
         super().on_load_checkpoint(checkpoint)
+        self._stored_focus = checkpoint.get("source_focus", {})
         stored = checkpoint.get("gradient_costs", {})
         self._costs = {of: RouteCosts(**costs) for of, costs in stored.items()}
 

@@ -21,6 +21,7 @@ def test_the_numbers_that_judge_a_run_come_first():
     ("name", "tag"),
     [
         ("inlier_rate/city", "3_labels/inlier_rate/city"),
+        ("source_weight/city", "3_labels/source_weight/city"),
         ("lr-Adam", "5_run/lr-Adam"),
         ("val/pair_3", "1_val/pair_3"),
         ("val/inlier_ratio", "1_val/inlier_ratio"),  # of the user's own
@@ -32,7 +33,7 @@ def test_the_numbers_that_judge_a_run_come_first():
 def test_a_name_that_is_not_listed_stands_with_its_group(name, tag):
     card = card_of(name)
     assert card.tag == tag
-    assert bool(card.text) == (name in ("inlier_rate/city", "lr-Adam", "val/pair_3"))
+    assert bool(card.text) == (name in ("inlier_rate/city", "source_weight/city", "lr-Adam", "val/pair_3"))
 
 
 def test_what_is_not_known_has_no_text():

@@ -11,7 +11,7 @@ from cli_runs import write_frames
 from lightning.pytorch.callbacks import ProgressBar
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from textured_scenes import flight, texture
-from tiny_runs import CrashAt, StopAt, assert_equal_weights, config_of, run_it, scalars, target, weights
+from tiny_runs import CrashAt, StopAt, assert_equal_weights, config_of, run_it, scalars, target, two_kinds, weights
 
 from sips_lit.callbacks.cards import card_of
 from sips_lit.cli.train import make_callbacks
@@ -173,6 +173,23 @@ def test_accumulated_gradients_resume_exactly(tmp_path, frames):
         run_it(tmp_path / "two", frames, *steps, halt=target(StopAt, step=2))
     run_it(tmp_path / "two", frames, *steps, "ckpt_path=last")
     assert_equal_weights(tmp_path / "one", tmp_path / "two")
+
+
+def test_weights_of_sources_that_follow_the_training_resume_exactly(tmp_path, frames):
+    given = two_kinds(tmp_path / "root", frames)
+    given += ["trainer.max_steps=34", "trainer.val_check_interval=34", "trainer.log_every_n_steps=1"]
+    run_it(tmp_path / "one", None, *given, "module.focus=progress")
+    with pytest.raises(TrainingInterrupted):
+        run_it(tmp_path / "two", None, *given, "module.focus=progress", halt=target(StopAt, step=30))
+    run_it(tmp_path / "two", None, *given, "module.focus=progress", "ckpt_path=last")
+    assert_equal_weights(tmp_path / "one", tmp_path / "two")
+    weighed = [value for _, value in scalars(tmp_path / "one")["source_weight/snow"]]
+    assert weighed[0] == 1
+    assert weighed[-1] != pytest.approx(1, abs=0.01)
+    run_it(tmp_path / "fixed", None, *given)
+    assert not torch.equal(
+        next(iter(weights(tmp_path / "fixed").values())), next(iter(weights(tmp_path / "one").values()))
+    )
 
 
 def test_validations_are_counted_in_steps_of_several_pairs(tmp_path, frames):

@@ -14,7 +14,7 @@ import torch
 from cli_runs import TINY, write_frames
 from forked_commands import ForkedCommand
 from textured_scenes import flight, texture
-from tiny_runs import scalars, weights
+from tiny_runs import scalars, two_kinds, weights
 
 
 def given(frames, *more: str) -> list[str]:
@@ -541,3 +541,26 @@ def test_two_processes_learn_what_one_does_that_takes_the_pairs_of_both_a_step(p
     for name, of_one in one.items():
         torch.testing.assert_close(two[name], of_one, rtol=0, atol=1e-5)
     assert max((single[name] - of_one).abs().max() for name, of_one in one.items()) > 1e-3
+
+
+@pytest.mark.slow
+def test_two_processes_weigh_sources_as_one_does_that_takes_the_pairs_of_both_a_step(process, frames, folders):
+    given = [*TINY, *two_kinds(folders / "root", frames), "module.focus=difficulty", "optim.optimizer.lr=0.01"]
+    given += ["trainer.max_steps=24", "trainer.val_check_interval=24", "trainer.log_every_n_steps=1"]
+    ways = {
+        "one": ["trainer.accumulate_grad_batches=2"],
+        "two": ["trainer.devices=2", "trainer.strategy=ddp"],
+    }
+    focus = {}
+    for name, options in ways.items():
+        code, out = ended(process("train", *given, *options, f"hydra.run.dir={folders / name}"), 240)
+        assert code == 0, out
+        stored = torch.load(folders / name / "checkpoints" / "last.ckpt", weights_only=True)
+        focus[name] = stored["source_focus"]
+    assert focus["one"].keys() == focus["two"].keys() == {"snow", "office"}
+    for source, (fast, slow, steps) in focus["one"].items():
+        assert steps > 10
+        assert focus["two"][source] == pytest.approx([fast, slow, steps], abs=1e-5)
+    assert scalars(folders / "one")["source_weight/office"][-1][1] != pytest.approx(1, abs=0.01)
+    for name, of_one in weights(folders / "one").items():
+        torch.testing.assert_close(weights(folders / "two")[name], of_one, rtol=0, atol=1e-5)

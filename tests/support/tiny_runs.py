@@ -18,15 +18,16 @@ from sips_lit.cli.conf_files import CONF_DIR
 from sips_lit.cli.train import train
 
 
-def config_of(run: Path, frames: Path, *overrides: str, tiny: Sequence[str] = TINY) -> DictConfig:
-    """The real configuration of a tiny run in a folder."""
+def config_of(run: Path, frames: Path | None, *overrides: str, tiny: Sequence[str] = TINY) -> DictConfig:
+    """The real configuration of a tiny run in a folder; without frames the overrides say what data."""
     register_resolvers()
-    given = ["data=folder", f"data.path={frames}", f"paths.run={run}", f"paths.indexes={run.parent}/indexes"]
+    given = [] if frames is None else ["data=folder", f"data.path={frames}"]
+    given += [f"paths.run={run}", f"paths.indexes={run.parent}/indexes"]
     with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
         return compose("train", [*tiny, "trainer.enable_progress_bar=false", *given, *overrides])
 
 
-def run_it(run: Path, frames: Path, *overrides: str, tiny: Sequence[str] = TINY, **callbacks: dict) -> float:
+def run_it(run: Path, frames: Path | None, *overrides: str, tiny: Sequence[str] = TINY, **callbacks: dict) -> float:
     config = config_of(run, frames, *overrides, tiny=tiny)
     with open_dict(config):
         config.callbacks.update(callbacks)
@@ -35,6 +36,16 @@ def run_it(run: Path, frames: Path, *overrides: str, tiny: Sequence[str] = TINY,
         return train(config)
     finally:
         cv2.setNumThreads(threads)
+
+
+def two_kinds(root: Path, frames: Path) -> list[str]:
+    """Overrides for a mixture of two sources: frames, and the same ones with their contrast halved."""
+    (root / "tum_fr1_xyz").mkdir(parents=True)
+    (root / "boofcv_driving_snow").symlink_to(frames)
+    for file in sorted(frames.iterdir()):
+        cv2.imwrite(str(root / "tum_fr1_xyz" / file.name), cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) // 2 + 60)
+    others = ("boards", "outdoors", "drives", "desk", "city", "flights", "drone")
+    return ["data=released", f"+root={root}", *(f"data.sources.{name}=null" for name in others)]
 
 
 def weights(run: Path, name: str = "last") -> dict[str, torch.Tensor]:

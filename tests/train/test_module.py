@@ -17,6 +17,7 @@ from sips_lit.matching.mutual_nearest import FOREVER, MutualLifetimes
 from sips_lit.train.loader import LabelledPair
 from sips_lit.train.loss import ranking_loss
 from sips_lit.train.module import SipsModule
+from sips_lit.train.source_focus import FAST
 from sips_lit.types import Keypoints, Reason
 
 
@@ -312,3 +313,63 @@ def test_bf16_runs(tmp_path):
     fit(module, make_data(tmp_path), steps=2, callbacks=[watch], precision="bf16-mixed")
     assert np.isfinite(watch.metrics["train/loss"])
     assert all(p.dtype == torch.float32 and torch.isfinite(p).all() for p in module.parameters())
+
+
+class TwoSources:
+    """A module outside of a trainer, whose pairs are of two sources; the losses that are told and weighed."""
+
+    def __init__(self, **options) -> None:
+        torch.manual_seed(0)
+        self.module = make_module(**options)
+        sources = [SimpleNamespace(name="city", weight=3.0), SimpleNamespace(name="desk", weight=1.0)]
+        self.logged = Logged(self.module)
+        strategy = SimpleNamespace(reduce=lambda sums, reduce_op: sums if reduce_op == "sum" else None)
+        self.module._trainer.strategy = strategy
+        self.module._trainer.datamodule = SimpleNamespace(sources=sources)
+        self.module.on_fit_start()
+
+    def step(self, *pairs) -> list[float]:
+        """The losses of the pairs of a step, as they go into its gradient."""
+        losses = [float(self.module.training_step(pair, at).detach()) for at, pair in enumerate(pairs)]
+        source_focus = self.module._source_focus
+        if source_focus is not None:
+            source_focus.learn(self.module._mean_losses(["city", "desk"]))
+        return losses
+
+
+EASY, HARD = hand_made(*ONE_PAIR), replace(hand_made(*ANOTHER), source=1)
+
+
+def test_the_loss_of_a_pair_is_weighed_by_its_source():
+    plain, focused = TwoSources(), TwoSources(focus="difficulty")
+    easy, hard = plain.step(EASY, HARD)
+    told = [float(focused.module._loss(p, *logits_of(focused.module, p)).told["loss"]) for p in (EASY, HARD)]
+    assert told[0] != pytest.approx(told[1], rel=0.02)
+    for _ in range(FAST):
+        assert focused.step(EASY, HARD) == pytest.approx([easy, hard])  # not known yet
+    mean = (3 * told[0] + told[1]) / 4
+    assert focused.step(EASY, HARD) == pytest.approx([easy * told[0] / mean, hard * told[1] / mean], rel=1e-4)
+    assert focused.logged["source_weight/desk"] == pytest.approx(told[1] / mean, rel=1e-4)
+    assert focused.logged["train/loss"] == pytest.approx(told[1], rel=1e-5)  # what is told stays what it was
+    assert plain.step(EASY, HARD) == pytest.approx([easy, hard])
+    assert "source_weight/desk" not in plain.logged
+
+
+def logits_of(module, pair):
+    images, points = [pair.image0, pair.image1], [pair.points0, pair.points1]
+    return logits_at(module.network, images, points, "dense")
+
+
+def test_a_step_of_several_pairs_of_a_source_counts_their_mean_and_pairs_without_truth_nothing():
+    focused = TwoSources(focus="difficulty")
+    unknown = replace(hand_made(side([3], [4], [UNKNOWN]), side([5], [7], [UNKNOWN])), source=1)
+    focused.step(EASY, hand_made(*ANOTHER), unknown)
+    losses = focused.module._source_focus.losses
+    told = [float(focused.module._loss(p, *logits_of(focused.module, p)).told["loss"]) for p in (EASY, HARD)]
+    assert losses["city"].slow == pytest.approx(np.mean(told), rel=1e-5)
+    assert (losses["city"].steps, losses["desk"].steps) == (1, 0)
+
+
+def test_another_focus_is_refused():
+    with pytest.raises(BadInputError, match="focus of the module is hard: give difficulty or progress, or null"):
+        make_module(focus="hard")
