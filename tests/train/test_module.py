@@ -326,6 +326,7 @@ class TwoSources:
         strategy = SimpleNamespace(reduce=lambda sums, reduce_op: sums if reduce_op == "sum" else None)
         self.module._trainer.strategy = strategy
         self.module._trainer.datamodule = SimpleNamespace(sources=sources)
+        self.module._trainer.accumulate_grad_batches = self.module.pairs_at_once
         self.module.on_fit_start()
 
     def step(self, *pairs) -> list[float]:
@@ -368,6 +369,15 @@ def test_a_step_of_several_pairs_of_a_source_counts_their_mean_and_pairs_without
     told = [float(focused.module._loss(p, *logits_of(focused.module, p)).told["loss"]) for p in (EASY, HARD)]
     assert losses["city"].slow == pytest.approx(np.mean(told), rel=1e-5)
     assert (losses["city"].steps, losses["desk"].steps) == (1, 0)
+
+
+def test_pairs_seen_at_once_are_weighed_each_by_its_source():
+    one_by_one, together = TwoSources(focus="difficulty"), TwoSources(focus="difficulty", pairs_at_once=2)
+    for _ in range(FAST + 1):
+        alone, (waits, both) = one_by_one.step(HARD, EASY), together.step(HARD, EASY)
+        assert waits == 0
+        assert both == pytest.approx(sum(alone), rel=1e-4)
+    assert one_by_one.logged["source_weight/desk"] != pytest.approx(1, abs=0.01)
 
 
 def test_another_focus_is_refused():
