@@ -108,7 +108,7 @@ class SipsModule(ScoreModule):
 
     def _mean_losses(self, sources: Sequence[str]) -> dict[str, float]:
         """Of the step's pairs by source, those of all processes; without the sources that it has no pair of."""
-        sums = torch.zeros(2, len(sources), dtype=torch.float64, device=self.device)
+        sums = torch.zeros(2, len(sources), device=self.device)
         for source, loss in self._losses_of_step:
             sums[:, sources.index(source)] += torch.stack([loss, torch.ones_like(loss)])
         self._losses_of_step = []
@@ -156,7 +156,7 @@ class SipsModule(ScoreModule):
             return 1.0
         source = self.data.sources[pair.source].name
         if len(_known_reasons(pair)):
-            self._losses_of_step.append((source, loss.told["loss"].double()))
+            self._losses_of_step.append((source, loss.told["loss"].float()))
         weight = self._source_focus[source]
         self.log(f"source_weight/{source}", weight, batch_size=1)
         return weight
