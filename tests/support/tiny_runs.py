@@ -5,6 +5,7 @@ from pathlib import Path
 
 import cv2
 import lightning as L
+import numpy as np
 import torch
 from cli_runs import TINY
 from hydra import compose, initialize_config_dir
@@ -39,11 +40,14 @@ def run_it(run: Path, frames: Path | None, *overrides: str, tiny: Sequence[str] 
 
 
 def two_kinds(root: Path, frames: Path) -> list[str]:
-    """Overrides for a mixture of two sources: frames, and the same ones with their contrast halved."""
+    """Overrides for a mixture of two sources: frames, and the same ones under noise, with hardly any inliers."""
     (root / "tum_fr1_xyz").mkdir(parents=True)
     (root / "boofcv_driving_snow").symlink_to(frames)
+    rng = np.random.default_rng(0)
     for file in sorted(frames.iterdir()):
-        cv2.imwrite(str(root / "tum_fr1_xyz" / file.name), cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) // 2 + 60)
+        clean = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+        noisy = np.clip(clean + rng.normal(0, 25, clean.shape), 0, 255).astype(np.uint8)
+        cv2.imwrite(str(root / "tum_fr1_xyz" / file.name), noisy)
     others = ("boards", "outdoors", "drives", "desk", "city", "flights", "drone")
     return ["data=released", f"+root={root}", *(f"data.sources.{name}=null" for name in others)]
 
