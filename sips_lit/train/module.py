@@ -116,7 +116,7 @@ class SipsModule(ScoreModule):
         return {name: total / n for name, total, n in zip(sources, totals, counts, strict=True) if n}
 
     def on_fit_start(self) -> None:
-        """Raises BadInputError where a step has fewer pairs than the network is to see at once."""
+        """Weighs the sources of the data; raises BadInputError where a step has fewer pairs than are seen at once."""
         pairs = self.trainer.accumulate_grad_batches
         if self.pairs_at_once > pairs:
             raise BadInputError(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 Focus = Literal["difficulty", "progress"]
 
@@ -38,8 +39,8 @@ class SourceFocus:
     By ``difficulty`` in proportion to the mean loss of a point, by ``progress`` in proportion to how much that has
     changed of late, up or down: the slope of the learning curve, as Matiisen et al., "Teacher-student curriculum
     learning" (2017), choose tasks by. ``odds``: how likely a pair is of each source, by name, in any unit. The factors
-    are 1 on average over these odds, and within `MOST` of each other's mean; a source that fewer than `FAST` steps had
-    counts as the others do. That the loss is weighted and not the drawing (our choice) leaves every pair a function of
+    are 1 on average over these odds, and between 1 / `MOST` and `MOST`; a source that fewer than `FAST` steps had counts
+    as the others do on average. That the loss is weighted and not the drawing (our choice) leaves every pair a function of
     the seed and its number.
     """
 
@@ -80,12 +81,14 @@ class SourceFocus:
 
 
 def _bounded(factors: Mapping[str, float], odds: Mapping[str, float]) -> dict[str, float]:
-    """The factors up to a common one, within `MOST`, whose mean over the odds is 1: the common one by bisection."""
+    """The factors times a common one, within `MOST`, whose mean over the odds is 1: the common one by bisection."""
     wanted, weights = np.array([factors[name] for name in odds]), np.array(list(odds.values()))
+
+    def scaled(doublings: float) -> NDArray[np.float64]:
+        return np.clip(wanted * 2**doublings, 1 / MOST, MOST)
+
     low, high = -30.0, 30.0
     for _ in range(60):
         middle = (low + high) / 2
-        mean = float(weights @ np.clip(wanted * 2**middle, 1 / MOST, MOST))
-        low, high = (middle, high) if mean < 1 else (low, middle)
-    bounded = np.clip(wanted * 2**high, 1 / MOST, MOST)
-    return dict(zip(odds, map(float, bounded), strict=True))
+        low, high = (middle, high) if weights @ scaled(middle) < 1 else (low, middle)
+    return dict(zip(odds, scaled(high).tolist(), strict=True))
