@@ -6,11 +6,11 @@ import contextlib
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 from collections.abc import Generator, Sequence
 from functools import partial
 from multiprocessing import connection
+from multiprocessing.util import Finalize
 from typing import Any, Protocol, cast
 
 import cv2
@@ -23,7 +23,7 @@ from torch.utils.data import DataLoader, Subset
 from sips_lit.errors import BadInputError, warn_input
 
 LOADING_TIMEOUT = 120.0  # seconds
-SECONDS_TO_END = 2.0  # of a loading worker whose items nobody wants any more
+SECONDS_TO_END = 2.0  # of a loading worker that was killed
 
 
 class Items(Protocol):
@@ -48,7 +48,7 @@ def loaded(items: Items, indices: Sequence[int], workers: int, timeout: float) -
     at, hung_at = 0, -1
     stream = _Stream(items, indices, workers)
     try:
-        while True:
+        while at < len(indices):
             try:
                 item = stream.next(timeout)
             except WorkersHung:
@@ -62,8 +62,6 @@ def loaded(items: Items, indices: Sequence[int], workers: int, timeout: float) -
                 stream.close()
                 hung_at, stream = at, _Stream(items, indices[at:], workers, yielding=False)
                 continue
-            if item is None:
-                return
             at += 1
             yield item
     finally:
@@ -104,9 +102,10 @@ class _Stream:
         if self._workers:
             # with no end of the pipe left here, what is read from it ends with the workers, in the middle of an item, too
             cast(Any, self._items)._worker_result_queue._writer.close()
+        self._end = Finalize(self, _end, (self._items, self._workers), exitpriority=0)
 
     def next(self, timeout: float) -> Any:
-        """What comes next, None at the end.
+        """What comes next.
 
         Raises WorkersHung after ``timeout`` seconds, and RuntimeError for a worker that died, as the DataLoader does; if
         its pixels were just being fetched, too. A worker that hangs can block that: the DataLoader's own timeout
@@ -127,7 +126,7 @@ class _Stream:
 
     def _fetch(self) -> Any:
         try:
-            return next(self._items, None)
+            return next(self._items)
         except (EOFError, OSError) as error:
             if getattr(error, "errno", None) is not None and not isinstance(error, ConnectionError):
                 raise
@@ -136,28 +135,39 @@ class _Stream:
             raise RuntimeError("a DataLoader worker that was read from exited unexpectedly") from error
 
     def close(self) -> None:
-        """Ends the workers, by force if they do not end soon."""
-        if self._workers and not self._items._shutdown:
-            _remove_worker_pids(id(self._items))  # else the DataLoader takes those that are killed for a failure
-            self._items._worker_pids_set = False
-            patience = threading.Timer(SECONDS_TO_END, self._kill)
-            if sys.is_finalizing():
-                self._kill()  # no thread starts any more, and to wait for its start would never end
-            else:
-                patience.start()
-            self._items._shutdown_workers()
-            patience.cancel()
-        for worker in self._workers:
-            _settle(worker)
+        """Kills the workers, which have nothing to lose; where nobody does this, it is done when the process ends."""
+        self._end()
 
-    def _kill(self, noted: threading.Event | None = None) -> None:
-        if noted is not None:
-            noted.set()
-        for worker in self._workers:
-            if hasattr(os, "SCHED_OTHER"):
-                with contextlib.suppress(OSError):  # one that runs only where a core is idle would die only then
-                    os.sched_setscheduler(worker.pid or 0, os.SCHED_OTHER, os.sched_param(0))
-            worker.kill()
+    def _kill(self, noted: threading.Event) -> None:
+        noted.set()
+        _kill(self._workers)
+
+
+def _end(items: Any, workers: Sequence[multiprocessing.process.BaseProcess]) -> None:
+    """Kills the workers of a DataLoader's iterator.
+
+    Its own way takes turns with them in a lock, for which it would wait for ever if one that starves is killed while it
+    holds it. And what Python does with those that are left when a process ends, to ask and to wait, never ends where the
+    request falls together with a scheduler's: a signal that comes twice at once comes once.
+    """
+    if workers and not items._shutdown:
+        items._shutdown = True  # for the DataLoader, which else does it its way when it is deleted
+        _remove_worker_pids(id(items))  # else it takes those that are killed for a failure
+        items._worker_pids_set = False
+        _kill(workers)
+        for queue in items._index_queues:
+            queue.cancel_join_thread()
+            queue.close()
+    for worker in workers:
+        _settle(worker)
+
+
+def _kill(workers: Sequence[multiprocessing.process.BaseProcess]) -> None:
+    for worker in workers:
+        if hasattr(os, "SCHED_OTHER"):
+            with contextlib.suppress(OSError):  # one that runs only where a core is idle would die only then
+                os.sched_setscheduler(worker.pid or 0, os.SCHED_OTHER, os.sched_param(0))
+        worker.kill()
 
 
 def _settle(worker: multiprocessing.process.BaseProcess) -> None:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 import torch.multiprocessing as mp
 
 from sips_lit.errors import BadInputError
-from sips_lit.train.stream import _quiet_worker, loaded, of_all_processes
+from sips_lit.train.stream import _quiet_worker, _Stream, loaded, of_all_processes
 
 
 class Squares:
@@ -51,6 +52,57 @@ def test_an_item_that_never_comes_is_told_by_its_name():
     with pytest.raises(BadInputError, match=told):
         next(squares)
     assert mp.active_children() == []
+
+
+def test_workers_that_were_killed_with_a_lock_do_not_keep_the_stream_from_closing():
+    """As one is that starves: it is taken off the processor while it looks whether it is to end."""
+    stream = _Stream(Squares(100), range(100), workers=2)
+    assert stream.next(30) == 0
+    stream._items._workers_done_event._cond.acquire()  # nobody gives it back
+    closing = threading.Thread(target=stream.close, daemon=True)
+    closing.start()
+    closing.join(20)
+    assert not closing.is_alive()
+    assert mp.active_children() == []
+
+
+def test_a_stream_that_is_left_early_closes_at_once():
+    squares = loaded(Squares(100, hangs_at=5), range(100), 2, 30)
+    assert next(squares) == 0
+    start = time.monotonic()
+    squares.close()
+    assert time.monotonic() - start < 1.5  # those that hang were waited for 2 s
+    assert mp.active_children() == []
+
+
+ENDS_WITHOUT_CLOSING = """
+import os, signal, sys
+from sips_lit.train import stream
+class Ones:
+    what = "one"
+    def __len__(self): return 100
+    def __getitem__(self, index): return 1
+stream._end_for_parent = lambda parent: signal.pause()
+def main():
+    left = stream.loaded(Ones(), range(100), 2, 30)
+    print(next(left), flush=True)
+    sys.left = left
+if sys.argv[1] == "process":
+    import multiprocessing
+    child = multiprocessing.get_context("fork").Process(target=main)
+    child.start()
+    child.join()
+else:
+    main()
+"""
+
+
+@pytest.mark.parametrize("way", ["interpreter", "process"])
+def test_a_process_ends_though_its_workers_do_not_hear_that_it_asks_them_to(way):
+    """Two signals at once come as one, and that one as from a scheduler: `multiprocessing` would wait for ever."""
+    code = [sys.executable, "-c", ENDS_WITHOUT_CLOSING, way]
+    ended = subprocess.run(code, timeout=40, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (0, "1\n"), ended.stderr
 
 
 class Box:
